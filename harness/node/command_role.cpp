@@ -87,7 +87,7 @@ class CommandRole final : public Role {
   void Flush() override {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
-      services_.log().Write({log_origin_.SimulationTime(line.time_ns), kOnlyClient,
+      services_.log().Write({log_origin_.SimulationTime(line.time_ns), kNodesClient,
                              record::FirmwareText{std::move(line.text)}});
   }
 
@@ -96,7 +96,7 @@ class CommandRole final : public Role {
     Flush();
     if (use_)
       services_.log().Write(
-          {0, kOnlyClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
+          {0, kNodesClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
     use_.reset();
     watch_.reset();
     process_.reset();

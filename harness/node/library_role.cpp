@@ -73,9 +73,9 @@ class LibraryRole final : public Role {
     if (!origin_.known()) return;
     for (auto& [time, text] : std::exchange(lines_, {}))
       services_.log().Write(
-          {origin_.SimulationTime(OfNode(time)), kOnlyClient, record::FirmwareText{std::move(text)}});
+          {origin_.SimulationTime(OfNode(time)), kNodesClient, record::FirmwareText{std::move(text)}});
     for (const auto& [time, state] : std::exchange(states_to_write_, {}))
-      services_.log().Write({origin_.SimulationTime(OfNode(time)), kOnlyClient, record::State{state}});
+      services_.log().Write({origin_.SimulationTime(OfNode(time)), kNodesClient, record::State{state}});
   }
 
   void Stop() override {
@@ -94,7 +94,7 @@ class LibraryRole final : public Role {
       }
     }
     totals.firmware_end = firmware_end_;
-    services_.log().Write({0, kOnlyClient, std::move(totals)});
+    services_.log().Write({0, kNodesClient, std::move(totals)});
   }
 
  private:
