@@ -1,9 +1,9 @@
 // The states of the law from the server's messages, whatever their axes and whatever they carry in place of a state.
 //
-//   LqrSensors sensors(protocol, {"x_m", "y_m", ...}, RatesAxes::kWorld);
-//   if (!sensors.missing().empty()) ...                       // the protocol does not carry these states
+//   LqrSensors sensors(protocol, {"x_m", "y_m"}, RatesAxes::kWorld);
+//   if (!sensors.missing().empty()) return;                   // the protocol does not carry these states
 //   sensors.Take(message);                                    // for each accepted one
-//   if (sensors.complete()) law.Step(sensors.States(), ...);
+//   if (sensors.complete()) law.Step(sensors.States(), reference, command);
 //
 // States are in the axes of the vehicle: x east, y north, z up; x forward, y left, z up. Roll, pitch and yaw may come
 // from quaternion_w, _x, _y, _z, and the angular rates from gyro_x_rad_s, _y_, _z_, which are about the body's axes.

@@ -5,7 +5,7 @@
 //   stamps.Write(type, now, values);                 // once for each message
 //
 //   MessageOrder order(protocol);                    // of one receiver
-//   if (!order.Takes(message)) Refuse(MessageStatus::kStale);
+//   if (!order.Takes(message)) Refuse(link::MessageStatus::kStale);
 //
 // The number on the line wraps at the size of its type. Of two numbers the newer one is less than half of that range
 // ahead of the other.

@@ -191,7 +191,14 @@ extern TimeNs now;
 extern const examples::Function Control, Use;
 
 // firmware/lqr/lqr_application.h
-extern const LqrTable table;
+extern const LqrSetup setup;
+
+// firmware/lqr/lqr_sensors.h
+extern const link::Protocol& protocol;
+extern const link::Message message;
+extern LqrLaw law;
+extern const Reference reference;
+extern std::array<float, 4> command;
 
 // firmware/lqr/lqr_law.h
 extern const LqrTable table;

@@ -434,6 +434,12 @@ extern const VehicleSignals vehicle;
 // harness/run/message_binding.h
 extern std::span<const double> row;
 
+// harness/run/message_order.h
+extern const link::MessageType& type;
+extern std::vector<double> values;
+extern const link::Message message;
+extern const examples::Function Refuse;
+
 // harness/run/realtime/injection.h
 #include "harness/run/realtime/realtime_flight.h"
 extern const RealtimeOptions options;

@@ -168,7 +168,12 @@ void RemoteLine::Finish(BootTime end) {
 }
 
 RemotePlantServer::RemotePlantServer(Channel& channel, const Setup& setup, RecordSink& sink)
-    : part_("plant", channel, setup), sink_(sink) {}
+    : part_("plant", channel, setup), sink_(sink) {
+  // Nothing to do at that time; but the server may send by itself from power-on on.
+  const auto answer = part_.Ask(RemotePart::Request(Message::kAdvance, BootTime::Earliest(), AllCounts()));
+  Unpacker unpacker(answer);
+  ReadState(unpacker);
+}
 
 void RemotePlantServer::ReadState(Unpacker& answer) {
   answer(state_);

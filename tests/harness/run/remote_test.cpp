@@ -6,11 +6,13 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <fstream>
 #include <functional>
 #include <memory>
 
 #include "harness/client/library_client.h"
 #include "harness/report/trace_csv.h"
+#include "harness/run/client_parameters.h"
 #include "harness/run/flight.h"
 #include "harness/run/remote/remote_parts.h"
 #include "harness/run/remote/serve.h"
@@ -76,7 +78,7 @@ RunLog FlyApart(Parts& parts, const std::string& yaml, const std::function<void(
   const LoadedScenario loaded = Load(yaml);
   const VehicleSignals signals = loaded.model->signals();
   LogBuilder log(loaded.scenario, signals);
-  RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"), log);
+  RemoteLine line(parts.line.channel(), setup, *loaded.scenario.link.protocol, log);
   RemotePlantServer plant(parts.plant.channel(), setup, log);
   FlightOptions options;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
@@ -98,7 +100,8 @@ RunLog FlyTogether(const std::string& yaml) {
   FlightOptions options;
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, loaded.scenario.firmware,
-                             loaded.scenario.link.protocol->name, std::move(host));
+                             loaded.scenario.link.protocol->name, std::move(host), nullptr, false,
+                             [&] { return ClientParameters(loaded.scenario, *loaded.model); });
   };
   return Fly(loaded.scenario, *loaded.model, options);
 }
@@ -133,6 +136,68 @@ TEST(Remote, FlightInFourProcessesEqualsFlightInOne) {
   EXPECT_EQ(apart.activations.size(), together.activations.size());
   EXPECT_EQ(apart.clients[0].failsafe_entered_count, together.clients[0].failsafe_entered_count);
   EXPECT_GT(apart.fault_activation_counts.at(0), 0);
+}
+
+const char* const kStreamProtocol = R"yaml(
+protocol: stream
+control_period_ms: 4
+framing: {type: cobs, check: crc16_ibm_3740}
+exchange: stream
+start: {first: actuators}
+messages:
+  - name: state
+    id: 1
+    from: server
+    period_ms: 4
+    fields:
+      - {signal: sequence, type: u8}
+      - {signal: x_m, type: i16, scale: 0.001}
+      - {signal: y_m, type: i16, scale: 0.001}
+      - {signal: z_m, type: i16, scale: 0.001}
+      - {signal: quaternion_w, type: i16, scale: 0.00004}
+      - {signal: quaternion_x, type: i16, scale: 0.00004}
+      - {signal: quaternion_y, type: i16, scale: 0.00004}
+      - {signal: quaternion_z, type: i16, scale: 0.00004}
+      - {signal: vx_m_s, type: i16, scale: 0.001}
+      - {signal: vy_m_s, type: i16, scale: 0.001}
+      - {signal: vz_m_s, type: i16, scale: 0.001}
+      - {signal: wx_rad_s, type: i16, scale: 0.001}
+      - {signal: wy_rad_s, type: i16, scale: 0.001}
+      - {signal: wz_rad_s, type: i16, scale: 0.001}
+  - name: actuators
+    id: 2
+    from: client
+    fields:
+      - {signal: time_us, type: u32}
+      - {signal: f_front_left_n, type: u16, scale: 0.00002, as: share_of_speed}
+      - {signal: f_front_right_n, type: u16, scale: 0.00002, as: share_of_speed}
+      - {signal: f_back_right_n, type: u16, scale: 0.00002, as: share_of_speed}
+      - {signal: f_back_left_n, type: u16, scale: 0.00002, as: share_of_speed}
+  - name: reference
+    from: server
+    line: reference
+    fields: [{signal: x_m, type: f32}, {signal: y_m, type: f32}, {signal: z_m, type: f32}, {signal: yaw_rad, type: f32}]
+frames: {world: ned, body: frd}
+)yaml";
+
+TEST(Remote, AStreamInOtherAxesIsTheSameOverProcesses) {
+  const std::string file = ::testing::TempDir() + "remote_stream.yaml";
+  std::ofstream(file) << kStreamProtocol;
+  const std::string scenario =
+      "name: stream\nmodel: quadrotor\nfirmware: lqr\nduration_s: 3\nstep_s: 0.002\nlink: {protocol: " +
+      file +
+      "}\ninitial: {position_m: [0.3, 0.2, 5]}\nreference: {type: hover, at_m: [0, 0, 5]}\nfaults:\n"
+      "  - {id: bits, type: wire.bit_error, target: both, start_s: 1, end_s: 2, parameters: {ber: 0.0002}}\n"
+      "  - {id: bias, type: sensor.bias, start_s: 1, parameters: {signal: x_m, offset: 0.01}}\n";
+  const RunLog together = FlyTogether(scenario);
+  ASSERT_EQ(together.end_reason, EndReason::kCompleted) << together.end_text;
+  EXPECT_GT(together.clients[0].actuator_times_ns.size(), 700U);
+  Parts parts;
+  const RunLog apart = FlyApart(parts, scenario);
+  ASSERT_EQ(apart.end_reason, EndReason::kCompleted) << apart.end_text;
+  EXPECT_EQ(TraceHash(apart.trace), TraceHash(together.trace));
+  EXPECT_EQ(apart.link.content(), together.link.content());
+  EXPECT_EQ(apart.events.size(), together.events.size());
 }
 
 // Kills the process `pid` once the flight has reached two seconds.
