@@ -557,7 +557,8 @@ class CliTest(CommandLineTest):
         (self.folder / "own.yaml").write_text("protocol: own\ncontrol_period_ms: 10\nframing: {type: length_prefixed, sync: [0xB5], length: u16, check: sum8}\n"
             "start: {message: start}\nmessages:\n  - {name: start, id: 1, from: client}\n  - {name: request, id: 2, from: client, reply: state}\n"
             "  - {name: state, id: 3, from: server, fields: [{signal: z_m, type: i16, scale: 0.01}]}\n"
-            "  - {name: thrust, id: 4, from: client, fields: [{signal: f_r_n, type: u8, min: 0, max: 30}]}\n")
+            "  - {name: thrust, id: 4, from: client, fields: [{signal: f_r_n, type: u8, min: 0, max: 30}]}\n"
+            "  - {name: reference, id: 5, from: server, line: reference, fields: [" + ", ".join(f"{{signal: {name}, type: f32}}" for name in ("x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s")) + "]}\n")
         code, out, err = self.tiltproof("integrity", "--protocol", "own.yaml", "--errors", "enumerate", "--format", "json")
         self.assertEqual(code, 0, err)
         rows = json.loads(out)["rows"]
