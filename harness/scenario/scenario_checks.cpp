@@ -20,6 +20,7 @@
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/mapping_reader.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
@@ -179,7 +180,7 @@ class Checker {
     const YamlMark mark = PlaceOf(root_, "model");
     const std::string& model = scenario_.model;
     std::error_code error;
-    if (model.ends_with(".sdf")) {
+    if (IsModelPath(model)) {
       scenario_.model_file = RelativeToScenario(model);
       if (!fs::is_regular_file(scenario_.model_file, error)) {
         Complain(mark, fmt::format("model: there is no file {}", scenario_.model_file.string()));
@@ -418,7 +419,7 @@ class Checker {
     }
   }
 
-  // The signals and parts that faults name are the vehicle's, and wind blows on one that feels it.
+  // The signals and parts that faults name are the vehicle's, and suit the faults.
   void CheckSignals(const YamlNode& list) {
     if (!options_.vehicle_signals) return;
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
@@ -427,12 +428,8 @@ class Checker {
       const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
       const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
       if (type == nullptr || parameters == nullptr) continue;
-      const auto* plant = type->As<faults::PlantKind>();
-      if (plant != nullptr && plant->is_wind && !vehicle->feels_wind)
-        Complain(list.items[i], "type",
-                 fmt::format("type: {} moves only a vehicle with drag; this one's file has no "
-                             "<tiltproof:drag> (tiltrotor_drag has one)",
-                             type->name));
+      if (const auto reason = faults::Unsuited(scenario_.faults[i], *type, *vehicle))
+        Complain(list.items[i], "type", fmt::format("type: {} {}", type->name, *reason));
       for (const faults::ParameterInfo& info : type->parameters) {
         const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
         const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;

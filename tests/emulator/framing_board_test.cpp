@@ -3,9 +3,11 @@
 
 #include <bit>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "harness/client/make_client.h"
 #include "harness/run/flight.h"
@@ -22,26 +24,29 @@ std::shared_ptr<const link::Protocol> PaperIn(std::shared_ptr<const link::Framin
   return protocol;
 }
 
-RunLog FlyIn(const std::shared_ptr<const link::Framing>& framing, const ClientSpec& client, double drop) {
+faults::FaultSpec OnFrames(const char* type, std::map<std::string, faults::ParameterValue> parameters) {
+  faults::FaultSpec fault;
+  fault.id = "fault";
+  fault.type = type;
+  fault.target = faults::Target::kBoth;
+  fault.start_ns = kNsPerS;
+  fault.parameters = std::move(parameters);
+  return fault;
+}
+
+RunLog FlyIn(const std::shared_ptr<const link::Protocol>& protocol, const std::string& firmware,
+             const ClientSpec& client, const std::vector<faults::FaultSpec>& faults) {
   Scenario scenario;
   scenario.name = "framing";
   scenario.duration_ns = 3 * kNsPerS;
   scenario.reference.path = HoverReference{{0, 0, 5.2}, 0};
   scenario.initial_position_m = {0, 0, 5};
-  scenario.link.protocol = PaperIn(framing);
-  if (drop > 0) {
-    faults::FaultSpec fault;
-    fault.id = "fault";
-    fault.type = "frame.drop";
-    fault.target = faults::Target::kBoth;
-    fault.start_ns = kNsPerS;
-    fault.parameters = {{"probability", drop}};
-    scenario.faults = {fault};
-  }
+  scenario.link.protocol = protocol;
+  scenario.faults = faults;
   ClientSettings settings;
-  settings.firmware = "paper";
-  settings.protocol = scenario.link.protocol;
-  settings.lines.faulty = drop > 0;
+  settings.firmware = firmware;
+  settings.protocol = protocol;
+  settings.lines.faulty = !faults.empty();
   return Fly(scenario, Model(), {.make_client = [&](std::size_t /*client*/, ClientHost host) {
                return MakeClient(client, settings, std::move(host));
              }});
@@ -63,11 +68,14 @@ std::string Difference(const Trace& one, const Trace& other) {
 }
 
 void CheckEqual(const std::shared_ptr<const link::Framing>& framing, const std::string& name) {
-  const EmulatedImage image{.file = std::string(FRAMED_IMAGES) + "/framed_" + name + ".elf"};
+  const EmulatedImage image{.file = std::string(IMAGES) + "/framed/framed_" + name + ".elf"};
   const HostLibrary library{.file = std::string(FRAMED_LIBRARIES) + "/framed_" + name + ".so"};
   for (const double drop : {0.0, 0.2}) {
     SCOPED_TRACE(drop);
-    const RunLog emulated = FlyIn(framing, image, drop), host = FlyIn(framing, library, drop);
+    std::vector<faults::FaultSpec> faults;
+    if (drop > 0) faults.push_back(OnFrames("frame.drop", {{"probability", drop}}));
+    const RunLog emulated = FlyIn(PaperIn(framing), "paper", image, faults),
+                 host = FlyIn(PaperIn(framing), "paper", library, faults);
     EXPECT_EQ(emulated.end_reason, EndReason::kCompleted);
     const auto& counts = emulated.clients[0].counts;
     EXPECT_GT(counts[0].frames_accepted, drop > 0 ? 300 : 495);
@@ -84,6 +92,33 @@ TEST(FramingBoard, FliesWithCobs) {
 
 TEST(FramingBoard, FliesWithALengthInFront) {
   CheckEqual(link::MakeLengthFraming({.sync = {0xAA, 0x55}}, link::CheckKind::kCrc16Ibm3740), "length");
+}
+
+// The shipped firmware. The server refuses repeated and old commands.
+TEST(FramingBoard, TheShippedFirmwareFliesHardened) {
+  const auto protocol = link::FindProtocol("hardened");
+  for (const std::string build : {"paper", "tolerant"}) {
+    const EmulatedImage image{.file = std::string(IMAGES) + "/executive-" + build + "-hardened.elf"};
+    for (const auto& [type, parameters] :
+         {std::pair<const char*, std::map<std::string, faults::ParameterValue>>{"", {}},
+          {"frame.drop", {{"probability", 0.2}}},
+          {"frame.duplicate", {{"probability", 0.3}}},
+          {"frame.replay_stale", {{"probability", 0.2}, {"age_count", 5.0}}}}) {
+      SCOPED_TRACE(build + " " + type);
+      const std::string kind = type;
+      std::vector<faults::FaultSpec> faults;
+      if (!kind.empty()) faults.push_back(OnFrames(type, parameters));
+      const RunLog emulated = FlyIn(protocol, build, image, faults),
+                   host = FlyIn(protocol, build, HostLibrary{}, faults);
+      EXPECT_EQ(emulated.end_reason, EndReason::kCompleted);
+      EXPECT_EQ(Difference(emulated.trace, host.trace), "");
+      const bool repeats = kind == "frame.duplicate" || kind == "frame.replay_stale";
+      EXPECT_EQ(emulated.clients[0].counts[0].frames_rejected > 30, repeats);
+      if (!repeats) {
+        EXPECT_EQ(emulated.clients[0].counts[0].frames_rejected, 0);
+      }
+    }
+  }
 }
 
 }  // namespace

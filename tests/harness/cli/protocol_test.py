@@ -78,7 +78,7 @@ class ProtocolTest(CommandLineTest):
         refused("link: {protocol: mine.yaml}\nfaults: [{id: a, type: frame.drop, target: to_client, message: state, parameters: {probability: 1}}]\n",
                 "message: the protocol 'mine' has no message 'state'; did you mean 'states'?")
         (self.folder / "mine.yaml").write_text(MINE.replace("type: f32}", "type: f33}", 1))
-        refused("link: {protocol: mine.yaml}\n", "mine.yaml:", ": type: unknown value the text 'f33'")
+        refused("link: {protocol: mine.yaml}\n", "mine.yaml:", ": type: unknown value 'f33'")
         (self.folder / "mine.yaml").write_text(PAPER)
         refused("link: {protocol: mine.yaml}\n", "'paper' is the name of a protocol that tiltproof ships")
         (self.folder / "mine.yaml").write_text(MINE.replace("control_period_ms: 12", "control_period_ms: 10"))
