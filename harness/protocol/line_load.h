@@ -1,7 +1,7 @@
 // The bytes that a protocol puts on its lines: of each message, and in each control period.
 //
-//   const LineLoad load = LineLoadOf(protocol, link::Direction::kToClient);
-//   const double share = LineTime_s(load.bytes, baud) / period_s;
+//   const LineLoad load = LineLoadOf(*link::FindProtocol("paper"), link::Direction::kToClient);
+//   const double share = LineTime_s(load.bytes, 921600) / 0.012;  // of the control period
 #pragma once
 
 #include <cstdint>

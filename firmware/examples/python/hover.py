@@ -82,6 +82,11 @@ class Port:
         yield from self.receiver.feed(received)
 
 
+def states_of(parameters):
+    """The signals of the control law, in the order of the gain's columns."""
+    return parameters.get("states") or parameters["signals"]
+
+
 def read_gain(source, parameters):
     """The rows of the gain: of a CSV file, of a JSON file with parameters, or for `design` of the parameters."""
     if source == "design":
@@ -92,7 +97,7 @@ def read_gain(source, parameters):
     else:
         with open(source, encoding="ascii") as file:
             gain = [[float(value) for value in line.split(",")] for line in file]
-    rows, columns = len(parameters["inputs"]), len(parameters["signals"]) + len(REGULATED)
+    rows, columns = len(parameters["inputs"]), len(states_of(parameters)) + len(REGULATED)
     if gain is None or [len(row) for row in gain] != [columns] * rows:
         sys.exit(f"{source}: not {rows} rows of {columns} numbers; `tiltproof design-lqr MODEL --csv FILE` writes them")
     return gain
@@ -115,7 +120,7 @@ class Controller:
     def step(self, sensors, reference):
         """Sensors: the vehicle's, in SI units. Reference: x, y, z, yaw and the velocities along x, y, z."""
         x, y, z, yaw, vx, vy, vz = reference
-        errors = [is_ - signal["hover"] for is_, signal in zip(sensors, self.parameters["signals"])]
+        errors = [is_ - signal["hover"] for is_, signal in zip(sensors, states_of(self.parameters))]
         half = len(errors) // 2  # x y z roll pitch yaw and the hinges; then the rates of all these
         for place, wanted in ((0, x), (1, y), (2, z), (5, yaw), (half, vx), (half + 1, vy), (half + 2, vz)):
             errors[place] = sensors[place] - wanted
@@ -168,7 +173,7 @@ class Pilot:
 
     def take(self, name, values):
         self.sensors.update(values)
-        wanted = [own["name"] for own in self.controller.parameters["signals"]]
+        wanted = [own["name"] for own in states_of(self.controller.parameters)]
         if name not in self.answered or not all(signal in self.sensors for signal in wanted):
             return
         if self.reference is None:

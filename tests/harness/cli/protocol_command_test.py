@@ -160,6 +160,25 @@ class ProtocolTest(unittest.TestCase):
                 size = frame_of(n % 256, said["time_us"], *thrusts, buffer)
                 self.assertEqual(buffer.raw[:size], frame, (framing, n))
 
+    def test_python_takes_only_what_is_whole_and_newer(self):
+        description = self.described("quad.yaml", "--model", "quadrotor")
+        server = serial_protocol.Protocol(description)
+        receiver = serial_protocol.Protocol(description).receiver()
+        state = {field["signal"]: 0.5 for field in server.messages["reply"]["fields"]}
+
+        def taken(count, damage=None):
+            server.sent_counts["reply"] = count
+            frame = bytearray(server.frame("reply", state))
+            if damage is not None:
+                frame[damage] ^= 0x10
+            return [values["sequence"] for _, values in receiver.feed(bytes(frame))]
+
+        self.assertEqual([taken(count) for count in (65534, 65535, 65536, 65536, 65535, 65537)], [[65534], [65535], [0], [], [], [1]])
+        self.assertEqual([taken(2, damage) for damage in range(1, 50)], [[]] * 49)
+        self.assertEqual(taken(2), [2])
+        state["x_m"] = 2e4  # no vehicle of this size is there
+        self.assertEqual(taken(3), [])
+
     def test_a_protocol_that_does_not_fit_is_refused_with_its_place(self):
         done = self.check("quad.yaml", code=2)  # the tilt-rotor
         self.assertIn("quad.yaml", done.stderr)
