@@ -10,7 +10,7 @@ if(NOT TILTPROOF_ARM_CXX)
   message(STATUS "STM32F4 images: not built, there is no arm-none-eabi-g++ (./setup --images installs it)")
   return()
 endif()
-message(STATUS "STM32F4 images: executive-<firmware>[-provant].elf")
+message(STATUS "STM32F4 images: executive-<firmware>[-provant|-hardened].elf")
 
 # FreeRTOS is in no distribution. A checkout of the user's own, or the one that ./setup --freertos makes.
 set(FREERTOS_KERNEL_PATH "$ENV{FREERTOS_KERNEL_PATH}" CACHE PATH "Checkout of FreeRTOS-Kernel, for the images with FreeRTOS")
@@ -24,7 +24,7 @@ endif()
 if(freertos_kernel_path AND NOT EXISTS ${freertos_kernel_path}/tasks.c)
   message(FATAL_ERROR "FREERTOS_KERNEL_PATH=${freertos_kernel_path} is no checkout of FreeRTOS-Kernel: there is no tasks.c")
 elseif(freertos_kernel_path)
-  message(STATUS "STM32F4 images with FreeRTOS: freertos-<firmware>[-provant].elf, from ${freertos_kernel_path}")
+  message(STATUS "STM32F4 images with FreeRTOS: freertos-<firmware>[-provant|-hardened].elf, from ${freertos_kernel_path}")
 else()
   message(STATUS "STM32F4 images with FreeRTOS: not built, there is no kernel; ./setup --freertos fetches one, "
     "or set FREERTOS_KERNEL_PATH to a checkout of FreeRTOS-Kernel")

@@ -12,9 +12,9 @@ set(share share/tiltproof)
 install(TARGETS tiltproof RUNTIME DESTINATION bin)
 install(TARGETS tiltproof_firmware tiltproof_lockstep minimal_firmware LIBRARY DESTINATION lib/tiltproof)
 if(TARGET stm32f4_images)
-  # The image `budgets`, and those in `planted`, serve tests.
+  # The image `budgets`, and those in `planted` and `framed`, serve tests.
   install(DIRECTORY ${TILTPROOF_STM32F4_DIR}/ DESTINATION lib/tiltproof/stm32f4
-    FILES_MATCHING PATTERN "*.elf" PATTERN CMakeFiles EXCLUDE PATTERN budgets.elf EXCLUDE PATTERN planted EXCLUDE)
+    FILES_MATCHING PATTERN "*.elf" PATTERN CMakeFiles EXCLUDE PATTERN budgets.elf EXCLUDE PATTERN planted EXCLUDE PATTERN framed EXCLUDE)
 endif()
 
 install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTERN *.sdf PATTERN *.tiltproof.xml)

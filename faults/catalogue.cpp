@@ -1,6 +1,9 @@
 // The fault catalogue: what CatalogueMarkdown() in faults/registry.h prints.
 #include "faults/registry.h"
 #include "faults/text.h"
+#include "link/cobs_framing.h"
+#include "link/hdlc_framing.h"
+#include "link/length_framing.h"
 
 namespace tiltproof::faults {
 namespace {
@@ -25,6 +28,11 @@ A fault acts in its window `[start_s, end_s)`:
   `end_s`. It has no target and no trigger. Nodes are processes only in real time.
 
 "Needs" says what a fault requires of the client. A scenario is refused if its client cannot provide it.
+
+A fault on frames means the same with every framing, where its text names none. Some need a part that not all
+frames have: `check` and `run` refuse these for another framing.
+
+FRAMINGS
 
 The trigger decides on which frames, samples or bytes in the window the fault acts. If the fault has a
 `message`, only frames of that kind count. The trigger picks every `every_nth_count`-th of them, with
@@ -118,6 +126,42 @@ std::string NeedsText(Needs needs) {
   return "";
 }
 
+struct KnownFraming {
+  std::shared_ptr<const link::Framing> framing;
+  std::string_view frame;  // what it looks like on the line
+};
+const std::vector<KnownFraming>& KnownFramings() {
+  static const std::vector<KnownFraming> kFramings = {
+      {link::MakeHdlcFraming(link::CheckKind::kFletcher16),
+       "flag 7E, payload and check with 7D before each 7E and 7D in them, flag 7E"},
+      {link::MakeCobsFraming(link::CheckKind::kCrc16Ibm3740),
+       "payload and check with codes in place of each 00, flag 00"},
+      {link::MakeLengthFraming({.sync = {0xAA, 0x55}}, link::CheckKind::kCrc16Ibm3740),
+       "1 to 4 marks, the length of the payload, payload and check"}};
+  return kFramings;
+}
+
+std::string FramingsText(link::ByteRole role) {
+  std::vector<std::string_view> names;
+  for (const auto& [framing, frame] : KnownFramings())
+    if (framing->Has(role)) names.push_back(framing->name());
+  return Concat({" Only with the framing ", Joined(names), "."});
+}
+
+std::string FramingsMarkdown() {
+  std::string text = "| framing | a frame on the line | faults that do not apply |\n|---|---|---|\n";
+  for (const auto& [framing, frame] : KnownFramings()) {
+    std::string names;
+    for (const FaultType& type : FaultTypes()) {
+      const auto* wire = type.As<WireKind>();
+      if (wire != nullptr && wire->needs_role && !framing->Has(*wire->needs_role))
+        names += Concat({names.empty() ? "" : ", ", "`", type.name, "`"});
+    }
+    text += Concat({"| `", framing->name(), "` | ", frame, " | ", names, " |\n"});
+  }
+  return text;
+}
+
 std::string TargetMarkdown(const FaultType& type) {
   if (type.is_command())
     return Concat(
@@ -133,7 +177,8 @@ std::string TargetMarkdown(const FaultType& type) {
   const std::string without =
       type.default_target() ? Concat({"; ", Name(*type.default_target()), " when not stated"}) : "";
   return Concat({"Target: ", Joined(names), without, ". Stage: ",
-                 wire != nullptr ? Name(wire->wire_layer) : "receiver", ".", NeedsText(type.needs), "\n\n"});
+                 wire != nullptr ? Name(wire->wire_layer) : "receiver", ".", NeedsText(type.needs),
+                 wire != nullptr && wire->needs_role ? FramingsText(*wire->needs_role) : "", "\n\n"});
 }
 
 std::string ParametersMarkdown(const FaultType& type) {
@@ -195,6 +240,8 @@ std::string ParameterText(const ParameterInfo& info) {
 
 std::string CatalogueMarkdown() {
   std::string text = kPreamble;
+  constexpr std::string_view kFramings = "FRAMINGS\n";
+  text.replace(text.find(kFramings), kFramings.size(), FramingsMarkdown());
   for (const FaultType& type : FaultTypes()) text += Concat({"\n", Markdown(type)});
   return text;
 }

@@ -59,9 +59,10 @@ struct FaultSpec {
   std::string when;            // a condition on the flight's rows, with `edge`; empty: none
   Edge edge = Edge::kLevel;
   std::optional<After> after;
-  std::int64_t every_nth_count = 1;          // of the frames or samples in the window, number n, 2n, ...
-  double probability = 1.0;                  // then with this probability
-  std::optional<link::MessageKind> message;  // the fault sees frames of this kind only
+  std::int64_t every_nth_count = 1;  // of the frames or samples in the window, number n, 2n, ...
+  double probability = 1.0;          // then with this probability
+  std::string
+      message;  // the fault sees frames of this message of the protocol only; empty: all (FindMessage())
   std::map<std::string, ParameterValue> parameters;  // by name
 };
 

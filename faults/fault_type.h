@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
 #include <string_view>
 #include <variant>
 #include <vector>
@@ -38,6 +39,13 @@ enum class Volume : std::uint8_t {
   kDoubles,  // with its parameter `probability` at 1, exactly twice as many go on
 };
 
+struct Problem {
+  // The key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
+  // what is missing there, "parameters.<name>" for one parameter.
+  std::string key;
+  std::string message;
+};
+
 // Edits the frames that travel in one direction of a line.
 struct WireKind {
   WireLayer wire_layer{};
@@ -47,8 +55,10 @@ struct WireKind {
   bool remembers = false;        // its model has Pass() and Release()
   bool acts_on_overlap = false;  // any part of the frame in the window counts, not its first byte
   bool sends_back = false;       // its model uses WireContext::sent_back
-  // Its model needs such a byte of the protocol's framing (link/framing.h).
-  bool needs_flag = false, needs_escape = false;
+  std::optional<link::ByteRole> needs_role = {};  // that bytes of the protocol's frames must have
+  // The reason that valid parameters cannot do what they ask for with the messages of that protocol; null: they
+  // always can.
+  std::optional<Problem> (*refuses)(const Parameters&, const link::Protocol&) = nullptr;
 };
 
 // Marks bytes at the firmware's receiver, each with the probability given by the parameter `probability`.

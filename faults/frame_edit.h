@@ -36,8 +36,4 @@ class FrameEdit {
   std::optional<link::FrameParts> parts_;
 };
 
-// Binary32, low byte first.
-float FloatAt(std::span<const std::uint8_t> payload, std::size_t offset);
-void SetFloat(std::span<std::uint8_t> payload, std::size_t offset, float value);
-
 }  // namespace tiltproof::faults

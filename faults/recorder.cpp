@@ -11,7 +11,7 @@ std::vector<link::LogChunk> Shifted(std::vector<link::Chunk>&& chunks, Origin or
   shifted.reserve(chunks.size());
   for (link::Chunk& chunk : chunks)
     shifted.push_back(
-        {origin.SimulationTime(chunk.begin_ns), std::move(chunk.bytes), chunk.kind, chunk.number});
+        {origin.SimulationTime(chunk.begin_ns), std::move(chunk.bytes), chunk.message, chunk.number});
   return shifted;
 }
 

@@ -39,6 +39,7 @@ namespace tiltproof::faults {
   FAULT(FrameFlagLoss)               \
   FAULT(FrameFlagForgery)            \
   FAULT(FrameDanglingEscape)         \
+  FAULT(FrameLengthError)            \
   FAULT(FrameShort)                  \
   FAULT(FrameLong)                   \
   FAULT(FrameWrongId)                \
@@ -123,23 +124,6 @@ std::string Suggestion(std::string_view name, const std::vector<std::string_view
   return Concat({"; known: ", Joined(candidates)});
 }
 
-std::vector<link::MessageKind> MessagesOf(Target target) {
-  using link::MessageKind;
-  switch (target) {
-    case Target::kToClient:
-      return {MessageKind::kReply};
-    case Target::kToPlant:
-      return {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators};
-    case Target::kBoth:
-      return {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators, MessageKind::kReply};
-    case Target::kReference:
-      return {MessageKind::kReference};
-    case Target::kNone:
-      return {};
-  }
-  return {};
-}
-
 bool IsParameterText(std::string_view text) {
   const auto is_printable = [](char c) { return c >= ' ' && c <= '~'; };
   return !text.empty() && text.size() <= kParameterTextMax && text.front() != ' ' && text.back() != ' ' &&
@@ -152,7 +136,7 @@ struct FormerType {
 constexpr FormerType kFormerTypes[] = {
     {"clock.skew", "was replaced by clock.drift {node, ppm} and clock.jump {node, jump_ms}"},
     {"device.clock_drift", "was replaced by clock.drift {ppm}"},
-    {"uart.parity_error", "was removed: all lines are 8N1, where no receiver checks parity"},
+    {"uart.parity_error", "was removed: set link.parity, and flip bits with wire.bit_error"},
 };
 
 // Largest number of commands of one fault: one in every control period of four minutes.
@@ -262,19 +246,8 @@ class Validator {
   }
 
   void CheckMessage(const FaultType& type) {
-    if (!spec_.message) return;
-    if (!type.IsOneOf<WireKind>()) {
+    if (!spec_.message.empty() && !type.IsOneOf<WireKind>())
       Add("message", {type.name, " acts on no frames: it takes no message"});
-      return;
-    }
-    const Target target = ResolvedTarget(spec_, type);
-    const std::vector<link::MessageKind> messages = MessagesOf(target);
-    if (std::find(messages.begin(), messages.end(), *spec_.message) != messages.end()) return;
-    std::vector<std::string_view> names;
-    names.reserve(messages.size());
-    for (const link::MessageKind message : messages) names.push_back(link::Name(message));
-    Add("message", {"'", link::Name(*spec_.message), "' does not travel there (target ", Name(target),
-                    "); what does: ", Joined(names)});
   }
 
   void CheckParameters(const FaultType& type) {
@@ -362,6 +335,8 @@ std::string_view Name(ReceiveMark mark) {
       return "overrun";
     case ReceiveMark::kFraming:
       return "framing error";
+    case ReceiveMark::kParity:
+      return "parity_error";
     case ReceiveMark::kNoise:
       return "noise error";
   }
@@ -387,24 +362,95 @@ std::string_view WhyNoLonger(std::string_view name) {
   return {};
 }
 
-std::string FramingProblem(const FaultType& type, const link::Protocol& protocol) {
-  const auto* wire = type.As<WireKind>();
-  if (wire == nullptr) return "";
-  const bool lacks_flag = wire->needs_flag && !protocol.framing->flag();
-  const bool lacks_escape = wire->needs_escape && !protocol.framing->escape();
-  if (!lacks_flag && !lacks_escape) return "";
-  return Concat({type.name, " needs frames with ", lacks_flag ? "a flag" : "escaped bytes",
-                 "; the protocol '", protocol.name, "' has the framing '", protocol.framing->name(),
-                 "' without"});
+namespace {
+
+std::string_view TextOf(link::ByteRole role) {
+  switch (role) {
+    case link::ByteRole::kFlag:
+      return "a flag at their end";
+    case link::ByteRole::kEscape:
+      return "escaped bytes";
+    case link::ByteRole::kLength:
+      return "a length in front";
+    default:
+      return link::Name(role);
+  }
 }
 
-std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
-                                    std::optional<link::MessageKind> message) {
-  const std::vector<link::MessageKind> kinds = MessagesOf(target);
+// The faults on parts of a frame that this framing has, and one that needs no part.
+std::string AlternativesIn(const link::Framing& framing) {
+  std::vector<std::string_view> names;
+  for (const FaultType& type : FaultTypes()) {
+    const auto* wire = type.As<WireKind>();
+    if (wire != nullptr && wire->needs_role && framing.Has(*wire->needs_role)) names.push_back(type.name);
+  }
+  names.emplace_back("frame.truncate");
+  return Joined(names);
+}
+
+}  // namespace
+
+std::optional<Problem> ProtocolProblem(const FaultSpec& spec, const link::Protocol& protocol) {
+  const FaultType& type = ValidType(spec);
+  const auto* wire = type.As<WireKind>();
+  if (wire == nullptr) return std::nullopt;
+  const link::Framing& framing = *protocol.framing;
+  if (wire->needs_role && !framing.Has(*wire->needs_role))
+    return Problem{"type", Concat({type.name, " needs frames with ", TextOf(*wire->needs_role),
+                                   "; the protocol '", protocol.name, "' has the framing '", framing.name(),
+                                   "' without: use one of ", AlternativesIn(framing)})};
+  return wire->refuses == nullptr ? std::nullopt : wire->refuses(ResolvedParameters(spec, type), protocol);
+}
+
+bool Reaches(Target target, link::Direction direction) {
+  switch (target) {
+    case Target::kToClient:
+      return direction == link::Direction::kToClient;
+    case Target::kToPlant:
+      return direction == link::Direction::kToPlant;
+    case Target::kBoth:
+      return direction != link::Direction::kReference;
+    case Target::kReference:
+      return direction == link::Direction::kReference;
+    case Target::kNone:
+      return false;
+  }
+  return false;
+}
+
+const link::MessageType* FindMessage(const link::Protocol& protocol, std::string_view name) {
+  const link::MessageType* in_role = nullptr;
+  bool several = false;
+  const std::string_view role = name == "sensors" ? link::Name(link::MessageKind::kRequest) : name;
+  for (const link::MessageType& type : protocol.messages) {
+    if (type.name == name) return &type;
+    if (link::Name(type.kind) != role) continue;
+    several = in_role != nullptr;
+    in_role = &type;
+  }
+  return several ? nullptr : in_role;
+}
+
+std::string MessageProblem(const FaultSpec& spec, const FaultType& type, const link::Protocol& protocol) {
+  if (spec.message.empty() || !type.IsOneOf<WireKind>()) return {};
+  const Target target = ResolvedTarget(spec, type);
+  std::vector<std::string_view> names;
+  for (const link::MessageType& message : protocol.messages)
+    if (Reaches(target, message.direction)) names.push_back(message.name);
+  const link::MessageType* message = FindMessage(protocol, spec.message);
+  if (message == nullptr)
+    return Concat({"the protocol '", protocol.name, "' has no message '", spec.message, "'",
+                   Suggestion(spec.message, names)});
+  if (Reaches(target, message->direction)) return {};
+  return Concat({"'", message->name, "' does not travel there (target ", Name(target),
+                 "); what does: ", Joined(names)});
+}
+
+std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target, std::string_view message) {
+  const link::MessageType* only = FindMessage(protocol, message);
   std::vector<std::string> names;
   for (const link::MessageType& type : protocol.messages) {
-    if (std::find(kinds.begin(), kinds.end(), type.kind) == kinds.end() || (message && *message != type.kind))
-      continue;
+    if (!Reaches(target, type.direction) || (only != nullptr && only != &type)) continue;
     for (const link::MessageField& field : type.fields)
       if (std::find(names.begin(), names.end(), field.signal) == names.end()) names.push_back(field.signal);
   }

@@ -23,13 +23,22 @@ const FaultType* FindFaultType(std::string_view name);
 // For a name that was a type in the past: "was replaced by clock.drift ..."; empty for any other.
 std::string_view WhyNoLonger(std::string_view name);
 
+// True if what goes in that direction passes the target.
+bool Reaches(Target target, link::Direction direction);
+
+// The message that `message` of a fault names: by its name in the protocol, or by its role (link::MessageKind) when no
+// other message has that. `sensors` is another word for `request`. Null when there is none.
+const link::MessageType* FindMessage(const link::Protocol& protocol, std::string_view name);
+// The problem of a fault whose message the protocol does not have, or that does not travel there; otherwise empty.
+std::string MessageProblem(const FaultSpec& spec, const FaultType& type, const link::Protocol& protocol);
+
 // The names that a parameter of kind kField may have: the fields of the protocol's messages that travel to that
 // target; of one message, if the fault names it.
 std::vector<std::string> FieldNames(const link::Protocol& protocol, Target target,
-                                    std::optional<link::MessageKind> message);
+                                    std::string_view message = {});
 
-// The problem of a fault that needs a flag or an escape, where the protocol's framing has none; otherwise empty.
-std::string FramingProblem(const FaultType& type, const link::Protocol& protocol);
+// The problem of a valid fault that the frames or the messages of that protocol make impossible; nullopt: none does.
+std::optional<Problem> ProtocolProblem(const FaultSpec& spec, const link::Protocol& protocol);
 
 // The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
 // faults on the wire, none for others.
@@ -42,12 +51,6 @@ Parameters ResolvedParameters(const FaultSpec& spec, const FaultType& type);
 // When a valid fault is active: as stated, or from its start for as long as one of its parameters says.
 Window WindowOf(const FaultSpec& spec);
 
-struct Problem {
-  // The key of the fault in the scenario file: "type", "target", "end_s", "message", ..., "parameters" for
-  // what is missing there, "parameters.<name>" for one parameter.
-  std::string key;
-  std::string message;
-};
 // All errors in a fault; empty when it can be scheduled.
 std::vector<Problem> Validate(const FaultSpec& spec);
 // The type of a valid fault; throws std::invalid_argument, naming fault and key, when the fault is not valid.

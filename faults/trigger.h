@@ -13,15 +13,16 @@ namespace tiltproof::faults {
 
 class Trigger {
  public:
-  // `stream`: key of the random stream of `probability`.
-  Trigger(const FaultSpec& spec, std::uint64_t stream)
-      : message_(spec.message),
+  // `stream`: key of the random stream of `probability`. `message`: the place in the protocol's table of the only
+  // message that it sees; nullopt: it sees all.
+  Trigger(const FaultSpec& spec, std::uint64_t stream, std::optional<std::uint8_t> message = std::nullopt)
+      : message_(message),
         every_nth_count_(spec.every_nth_count),
         probability_(spec.probability),
         stream_(stream) {}
 
   // Frames of another message are neither seen nor counted.
-  bool Sees(link::MessageKind kind) const { return !message_ || *message_ == kind; }
+  bool Sees(std::uint8_t message) const { return !message_ || *message_ == message; }
 
   // Counts one more frame or sample that it sees in its window; true when the fault acts on it. The draw
   // belongs to `number`, the number of the frame or sample.
@@ -32,7 +33,7 @@ class Trigger {
   }
 
  private:
-  std::optional<link::MessageKind> message_;
+  std::optional<std::uint8_t> message_;
   std::int64_t every_nth_count_;
   double probability_;
   std::uint64_t stream_;

@@ -1,5 +1,7 @@
 #include "faults/wire_faults.h"
 
+#include "faults/registry.h"
+
 #include <algorithm>
 #include <span>
 
@@ -7,7 +9,7 @@ namespace tiltproof::faults {
 namespace {
 
 bool SameBytesAndTime(const link::Chunk& a, const link::Chunk& b) {
-  return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
+  return a.begin_ns == b.begin_ns && a.bytes == b.bytes && a.parity_errors == b.parity_errors;
 }
 
 std::size_t Weight(std::span<const link::Chunk> chunks) {
@@ -23,9 +25,12 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
                      const LineRate& rate, const link::Protocol& protocol) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
+  std::optional<std::uint8_t> message;
+  if (const link::MessageType* type = FindMessage(protocol, spec.message))
+    message = static_cast<std::uint8_t>(type - protocol.messages.data());
   injectors_.push_back({.fault = fault,
                         .activity = &activity,
-                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way})),
+                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way}), message),
                         .stream = stream,
                         .rate = rate,
                         .remembers = kind.remembers,
@@ -81,7 +86,7 @@ void WireFaults::Decide(Injector& injector, const link::Chunk& sent) const {
   const BootTime end_ns = sent.begin_ns + injector.rate.BytesTime(time);
   const bool inside =
       injector.activity->Touches(origin_.SimulationTime(sent.begin_ns), origin_.SimulationTime(end_ns));
-  const bool picked = inside && injector.trigger.Sees(sent.kind) && injector.trigger.Picks(sent.number);
+  const bool picked = inside && injector.trigger.Sees(sent.message) && injector.trigger.Picks(sent.number);
   injector.pick[sent.number % kDecisions] = picked ? ++injector.pick_count : 0;
 }
 
@@ -96,7 +101,7 @@ void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
   std::optional<std::uint64_t> random_number;  // of the frame that `random` belongs to
   for (link::Chunk& chunk : chunks) {
     if (!picked(chunk)) {
-      if (injector.remembers && injector.trigger.Sees(chunk.kind)) {
+      if (injector.remembers && injector.trigger.Sees(chunk.message)) {
         injector.model->Pass(std::move(chunk), out_);
         injector.model->Release(out_);
       } else {
@@ -129,6 +134,9 @@ void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& r
   const bool returned = sent_back_.size() > back_begin;
   if (!returned && after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
   injector.returned = injector.returned || returned;
+  // Other bytes than came in are sent with the parity bits that fit them.
+  for (link::Chunk& made : std::span(out_).subspan(out_begin))
+    if (made.parity_errors.size() != made.bytes.size()) made.parity_errors.clear();
   const std::size_t weight = Weight(after);
   injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
   injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);

@@ -1,13 +1,11 @@
 #include "firmware/actuator_writer.h"
 
-#include "firmware/frame_sender.h"
-
 namespace tiltproof::firmware {
 
-ActuatorWriter::ActuatorWriter(link::Dialect dialect, Port& port) : dialect_(dialect), port_(port) {}
+ActuatorWriter::ActuatorWriter(link::Dialect dialect, Port& port) : sender_(dialect, port) {}
 
 void ActuatorWriter::Send(TimeNs now, const Actuators& command) {
-  SendFrame(port_, now, link::EncodeActuators(dialect_, command));
+  sender_.Send(now, link::EncodeActuators(sender_.dialect(), command));
 }
 
 }  // namespace tiltproof::firmware

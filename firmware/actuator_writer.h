@@ -2,7 +2,7 @@
 // no reply).
 #pragma once
 
-#include "firmware/messages.h"
+#include "firmware/frame_sender.h"
 #include "firmware/port.h"
 
 namespace tiltproof::firmware {
@@ -15,8 +15,7 @@ class ActuatorWriter {
   void Send(TimeNs now, const Actuators& command);
 
  private:
-  link::Dialect dialect_;
-  Port& port_;
+  FrameSender sender_;
 };
 
 }  // namespace tiltproof::firmware

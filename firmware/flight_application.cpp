@@ -6,7 +6,7 @@ FlightApplication::FlightApplication(const Build& build, link::Dialect dialect, 
     : sensor_cycle_(build, dialect, port),
       control_(build),
       actuator_writer_(dialect, port),
-      reference_receiver_(build.checks) {}
+      reference_receiver_(dialect, build.checks) {}
 
 TimeNs FlightApplication::Start(TimeNs now) {
   sensor_cycle_.Start(now);

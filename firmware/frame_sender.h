@@ -1,7 +1,5 @@
-// Frame layer, sending side: a message of the client, as a frame, to the main line's transmitter.
+// Frame layer, sending side: one type of the client's messages, as frames, to the main line's transmitter.
 #pragma once
-
-#include <array>
 
 #include "firmware/messages.h"
 #include "firmware/port.h"
@@ -9,10 +7,28 @@
 
 namespace tiltproof::firmware {
 
-// Returns when the frame's last stop bit will have left. The client's longest message is the actuators'.
-inline TimeNs SendFrame(Port& port, TimeNs now, const link::MessageBytes& message) {
-  std::array<std::uint8_t, link::FrameBytesMax(link::kActuatorMessageBytes)> wire;
-  return port.Transmit(Uart::kMain, now, link::EncodeFrame(message.span(), wire).bytes);
+// The check of the dialect's frames.
+constexpr link::FrameCheck CheckOf(link::Dialect dialect) {
+  return dialect == link::Dialect::kHardened ? link::FrameCheck::kCrc32 : link::FrameCheck::kFletcher16;
 }
+
+class FrameSender {
+ public:
+  // `port` must outlive the sender.
+  FrameSender(link::Dialect dialect, Port& port) : dialect_(dialect), port_(port) {}
+
+  link::Dialect dialect() const { return dialect_; }
+
+  // Sends the message, in `hardened` with the next number and the time. Returns when the frame's last stop bit will have
+  // left.
+  TimeNs Send(TimeNs now, link::MessageBytes message);
+
+ private:
+  link::Stamp NextStamp(TimeNs now);
+
+  link::Dialect dialect_;
+  link::Stamp next_;  // its number, and its least time
+  Port& port_;
+};
 
 }  // namespace tiltproof::firmware

@@ -32,6 +32,18 @@ void Append(MessageBytes& message, float value) {
   }
 }
 
+// The header of a message of `hardened`: id, number, time. The last two are 0.
+void AppendHardenedHeader(MessageBytes& message, std::uint8_t id) {
+  message.bytes[message.size] = id;
+  message.size += kHardenedHeaderBytes;
+}
+
+// The payload must not be shorter than that header.
+Stamp LoadStamp(std::span<const std::uint8_t> payload) {
+  return {.sequence = static_cast<std::uint16_t>(payload[1] | payload[2] << 8),
+          .time_us = LoadBits(payload.data() + 3)};
+}
+
 // --- Groups of fields, in wire order.
 
 // A signal's plausible magnitude follows from its unit.
@@ -101,23 +113,39 @@ struct Service {
   MessageKind kind;
   bool has_actuators;
 
-  constexpr std::size_t Bytes() const { return has_actuators ? kActuatorMessageBytes : kIdBytes; }
+  constexpr std::size_t IdBytes() const { return dialect == Dialect::kHardened ? 1 : kIdBytes; }
+  constexpr std::size_t HeaderBytes() const {
+    return dialect == Dialect::kHardened ? kHardenedHeaderBytes : kIdBytes;
+  }
+  constexpr std::size_t Bytes() const { return HeaderBytes() + (has_actuators ? 4 * kActuatorCount : 0); }
+  constexpr std::uint8_t Byte() const { return static_cast<std::uint8_t>(id); }
+  bool HasId(const std::uint8_t* payload) const {
+    return dialect == Dialect::kHardened ? payload[0] == Byte() : LoadBits(payload) == Bits(id);
+  }
 };
+constexpr std::uint8_t kHardenedSensorsId = 4, kHardenedReferenceId = 5;
 
-constexpr std::array<Service, 6> kServices = {{
+constexpr std::array<Service, 9> kServices = {{
     {Dialect::kPaper, 1.0F, MessageKind::kStart, false},
     {Dialect::kPaper, 2.0F, MessageKind::kRequest, false},
     {Dialect::kPaper, 3.0F, MessageKind::kActuators, true},
     {Dialect::kProvant, 3.0F, MessageKind::kStart, true},
     {Dialect::kProvant, 1.0F, MessageKind::kRequest, false},
     {Dialect::kProvant, 0.0F, MessageKind::kActuators, true},
+    {Dialect::kHardened, 1.0F, MessageKind::kStart, false},
+    {Dialect::kHardened, 2.0F, MessageKind::kRequest, false},
+    {Dialect::kHardened, 3.0F, MessageKind::kActuators, true},
 }};
 
 MessageBytes EncodeRequest(Dialect dialect, MessageKind kind, const Actuators& actuators) {
   MessageBytes message;
   for (const Service& service : kServices) {
     if (service.dialect != dialect || service.kind != kind) continue;
-    Append(message, service.id);
+    if (dialect == Dialect::kHardened) {
+      AppendHardenedHeader(message, service.Byte());
+    } else {
+      Append(message, service.id);
+    }
     if (service.has_actuators) AppendFields(message, actuators, kActuatorFields);
   }
   return message;
@@ -125,10 +153,10 @@ MessageBytes EncodeRequest(Dialect dialect, MessageKind kind, const Actuators& a
 
 // Sets `found` when it returns kOk.
 MessageStatus FindService(Dialect dialect, std::span<const std::uint8_t> payload, const Service*& found) {
-  if (payload.size() < kIdBytes) return MessageStatus::kBadLength;
-  const std::uint32_t id_bits = LoadBits(payload.data());
   for (const Service& service : kServices) {
-    if (service.dialect != dialect || Bits(service.id) != id_bits) continue;
+    if (service.dialect != dialect) continue;
+    if (payload.size() < service.IdBytes()) return MessageStatus::kBadLength;
+    if (!service.HasId(payload.data())) continue;
     if (payload.size() != service.Bytes()) return MessageStatus::kBadLength;
     found = &service;
     return MessageStatus::kOk;
@@ -144,6 +172,8 @@ std::string_view Name(Dialect dialect) {
       return "paper"sv;
     case Dialect::kProvant:
       return "provant"sv;
+    case Dialect::kHardened:
+      return "hardened"sv;
   }
   return "unknown"sv;
 }
@@ -158,16 +188,43 @@ MessageBytes EncodeActuators(Dialect dialect, const Actuators& actuators) {
   return EncodeRequest(dialect, MessageKind::kActuators, actuators);
 }
 
-MessageBytes EncodeSensors(const Sensors& sensors) {
+MessageBytes EncodeSensors(const Sensors& sensors, Dialect dialect) {
   MessageBytes message;
+  if (dialect == Dialect::kHardened) AppendHardenedHeader(message, kHardenedSensorsId);
   AppendFields(message, sensors, kSensorFields);
   return message;
 }
 
-MessageBytes EncodeReference(const Reference& reference) {
+MessageBytes EncodeReference(const Reference& reference, Dialect dialect) {
   MessageBytes message;
+  if (dialect == Dialect::kHardened) AppendHardenedHeader(message, kHardenedReferenceId);
   AppendFields(message, reference, kReferenceFields);
   return message;
+}
+
+void SetStamp(Dialect dialect, Stamp stamp, MessageBytes& message) {
+  if (dialect != Dialect::kHardened) return;
+  message.bytes[1] = static_cast<std::uint8_t>(stamp.sequence & 0xFF);
+  message.bytes[2] = static_cast<std::uint8_t>(stamp.sequence >> 8);
+  for (std::size_t i = 0; i < 4; ++i)
+    message.bytes[3 + i] = static_cast<std::uint8_t>(stamp.time_us >> 8 * i & 0xFF);
+}
+
+std::optional<std::span<const std::uint8_t>> HeaderFilter::Values(std::span<const std::uint8_t> payload) {
+  if (dialect_ != Dialect::kHardened) return payload;
+  const std::uint8_t id = kind_ == MessageKind::kReference ? kHardenedReferenceId : kHardenedSensorsId;
+  if (payload.size() < kHardenedHeaderBytes || payload[0] != id) return std::nullopt;
+  const Stamp stamp = LoadStamp(payload);
+  if (!IsNewer(stamp)) return std::nullopt;
+  seen_ = stamp;
+  return payload.subspan(kHardenedHeaderBytes);
+}
+
+bool HeaderFilter::IsNewer(Stamp stamp) const {
+  if (!accepted_) return true;
+  const auto ahead = static_cast<std::uint16_t>(stamp.sequence - accepted_->sequence);
+  const std::uint32_t later_us = stamp.time_us - accepted_->time_us;
+  return ahead != 0 && ahead < 0x8000 && later_us < 0x8000'0000;
 }
 
 MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t> payload,
@@ -177,7 +234,7 @@ MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t>
   if (status != MessageStatus::kOk) return status;
   ClientMessage decoded;
   if (service->has_actuators) {
-    const std::uint8_t* const values = payload.data() + kIdBytes;
+    const std::uint8_t* const values = payload.data() + service->HeaderBytes();
     status = CheckValues(values, kActuatorLimitBits);
     if (status != MessageStatus::kOk) return status;
     LoadFields(values, kActuatorFields, decoded.actuators);
@@ -185,6 +242,7 @@ MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t>
   decoded.start = service->kind == MessageKind::kStart;
   decoded.read_sensors = service->kind == MessageKind::kRequest;
   decoded.has_actuators = service->has_actuators;
+  if (dialect == Dialect::kHardened) decoded.stamp = LoadStamp(payload);
   message = decoded;
   return MessageStatus::kOk;
 }

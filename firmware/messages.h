@@ -9,6 +9,11 @@
 // bytes). The server's only message is the reply to `read sensors`: 16 floats without id (64 bytes). On the
 // second line a reference is 7 floats (28 bytes).
 //
+// The dialect `hardened` has the messages of `paper`. Each begins with a header of 7 bytes: its id in one byte (start 1,
+// read sensors 2, actuators 3, sensors 4, reference 5), a sequence number in two and the sender's time in microseconds
+// in four. The check of its frames is CRC-32 (link/frame.h). A receiver refuses what is not newer than what it accepted
+// last (HeaderFilter).
+//
 // A payload contains neither its direction nor its dialect: the receiver knows both. The server reads what
 // arrives to_plant only with DecodeClientMessage(), the client reads what arrives to_client with
 // DecodeSensors() and the reference line with DecodeReference(). A reply that is echoed back to the server is
@@ -22,6 +27,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -30,8 +36,15 @@
 
 namespace tiltproof::link {
 
-enum class Dialect : std::uint8_t { kPaper, kProvant };
+enum class Dialect : std::uint8_t { kPaper, kProvant, kHardened };
 std::string_view Name(Dialect dialect);
+// Number and time of a message of `hardened`; both wrap. The number counts the messages of its type that their sender
+// has sent since its power-on, from 0.
+struct Stamp {
+  std::uint16_t sequence = 0;
+  std::uint32_t time_us = 0;
+  friend bool operator==(const Stamp&, const Stamp&) = default;
+};
 
 // A client's request to the server. `start` with `has_actuators` is provant's id 3.
 struct ClientMessage {
@@ -39,6 +52,7 @@ struct ClientMessage {
   bool read_sensors = false;
   bool has_actuators = false;
   Actuators actuators;
+  Stamp stamp = {};  // 0 in dialects without
   friend bool operator==(const ClientMessage&, const ClientMessage&) = default;
 };
 
@@ -46,7 +60,8 @@ inline constexpr std::size_t kIdBytes = 4;
 inline constexpr std::size_t kActuatorMessageBytes = kIdBytes + 4 * kActuatorCount;
 inline constexpr std::size_t kSensorMessageBytes = 4 * kSensorCount;
 inline constexpr std::size_t kReferenceMessageBytes = 4 * kReferenceCount;
-inline constexpr std::size_t kMessageBytesMax = kSensorMessageBytes;
+inline constexpr std::size_t kHardenedHeaderBytes = 7;
+inline constexpr std::size_t kMessageBytesMax = kHardenedHeaderBytes + kSensorMessageBytes;
 
 // Beyond these magnitudes a value is not a state of a small aircraft but a damaged message. The limit itself
 // is in range.
@@ -69,10 +84,38 @@ MessageBytes EncodeStart(Dialect dialect,
                          const Actuators& hover);  // paper: id 1; provant: id 3 with the hover input
 MessageBytes EncodeReadSensors(Dialect dialect);
 MessageBytes EncodeActuators(Dialect dialect, const Actuators& actuators);
-MessageBytes EncodeSensors(const Sensors& sensors);
-MessageBytes EncodeReference(const Reference& reference);
+MessageBytes EncodeSensors(const Sensors& sensors, Dialect dialect = Dialect::kPaper);
+MessageBytes EncodeReference(const Reference& reference, Dialect dialect = Dialect::kPaper);
+// Puts number and time into a message of `hardened`, which is encoded with zeros; leaves other dialects alone.
+void SetStamp(Dialect dialect, Stamp stamp, MessageBytes& message);
 
-// Each sets its output only when it returns kOk. When there are several violations, it returns the first in this list:
+// Takes the server's messages of one kind, sensors or references, without their header.
+//
+//   HeaderFilter filter(dialect, MessageKind::kReply);
+//   if (const auto values = filter.Values(payload))
+//     if (DecodeSensors(*values, sensors) == MessageStatus::kOk) filter.Accept();
+//
+// A message of `hardened` is newer than the last accepted one if its number is ahead by less than half of all numbers, and
+// its time is not behind.
+class HeaderFilter {
+ public:
+  HeaderFilter(Dialect dialect, MessageKind kind) : dialect_(dialect), kind_(kind) {}
+
+  // The floats, for the functions below: all of the payload in dialects without header. nullopt when the payload is
+  // shorter than the header, has another id, or is not newer.
+  std::optional<std::span<const std::uint8_t>> Values(std::span<const std::uint8_t> payload);
+  // The last payload that had values has been accepted.
+  void Accept() { accepted_ = seen_; }
+
+ private:
+  bool IsNewer(Stamp stamp) const;
+
+  Dialect dialect_;
+  MessageKind kind_;
+  std::optional<Stamp> seen_, accepted_;
+};
+
+// Each sets its output only when it returns kOk. The payloads of the server's messages are without header. When there are several violations, it returns the first in this list:
 // kBadLength (for a client message: shorter than an id), kUnknownId (any other bit pattern: -0.0 is not 0.0),
 // kBadLength (of the id's message), kNotFinite (anywhere), kOutOfRange.
 MessageStatus DecodeClientMessage(Dialect dialect, std::span<const std::uint8_t> payload,

@@ -33,10 +33,14 @@ void ReferenceReceiver::Receive(std::span<const std::uint8_t> bytes) {
 }
 
 void ReferenceReceiver::Accept(std::span<const std::uint8_t> payload) {
+  const auto values = filter_.Values(payload);
+  if (!values) return;
   Reference received;
-  const link::MessageStatus status = checks_ == ValueChecks::kNone ? ParseReference(payload, received)
-                                                                   : link::DecodeReference(payload, received);
-  if (status == link::MessageStatus::kOk) received_ = received;
+  const link::MessageStatus status = checks_ == ValueChecks::kNone ? ParseReference(*values, received)
+                                                                   : link::DecodeReference(*values, received);
+  if (status != link::MessageStatus::kOk) return;
+  filter_.Accept();
+  received_ = received;
 }
 
 std::optional<Reference> ReferenceReceiver::TakeReference() { return std::exchange(received_, std::nullopt); }

@@ -1,13 +1,11 @@
 #include "firmware/sensor_cycle.h"
 
-#include "firmware/frame_sender.h"
-
 namespace tiltproof::firmware {
 
 SensorCycle::SensorCycle(const Build& build, link::Dialect dialect, Port& port)
     : build_(build),
-      dialect_(dialect),
       port_(port),
+      start_sender_(dialect, port),
       sensor_reader_(dialect, build.checks, build.late_replies, port) {}
 
 void SensorCycle::Start(TimeNs now) {
@@ -49,7 +47,7 @@ std::optional<ControlItem> SensorCycle::TakeRequest(TimeNs now) {
 }
 
 void SensorCycle::SendStart(TimeNs now) {
-  next_request_ns_ = SendFrame(port_, now, link::EncodeStart(dialect_, build_.feed_forward));
+  next_request_ns_ = start_sender_.Send(now, link::EncodeStart(start_sender_.dialect(), build_.feed_forward));
   origin_ns_ = next_request_ns_;
   start_is_fresh_ = true;
 }

@@ -20,6 +20,7 @@
 #include <span>
 
 #include "firmware/builds.h"
+#include "firmware/frame_sender.h"
 #include "firmware/port.h"
 #include "firmware/sensor_reader.h"
 #include "firmware/tolerant/tolerant_control.h"
@@ -67,8 +68,8 @@ class SensorCycle {
   ControlItem::Kind NoteMissingReply(TimeNs now);
 
   const Build& build_;
-  link::Dialect dialect_;
   Port& port_;
+  FrameSender start_sender_;
   SensorReader sensor_reader_;
 
   TimeNs next_request_ns_ = kNever;

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 
-#include "firmware/frame_sender.h"
-
 namespace tiltproof::firmware {
 namespace {
 
@@ -13,7 +11,11 @@ constexpr std::size_t kRefusedMax = 2;
 }  // namespace
 
 SensorReader::SensorReader(link::Dialect dialect, ValueChecks checks, LateReplies late_replies, Port& port)
-    : dialect_(dialect), checks_(checks), port_(port), late_replies_(late_replies) {}
+    : checks_(checks),
+      sender_(dialect, port),
+      decoder_(CheckOf(dialect)),
+      filter_(dialect, link::MessageKind::kReply),
+      late_replies_(late_replies) {}
 
 void SensorReader::Request(TimeNs now) {
   if (late_replies_ == LateReplies::kDropped) {
@@ -21,7 +23,7 @@ void SensorReader::Request(TimeNs now) {
     reply_count_ = 0;
   }
   waiting_ = true;
-  sent_ns_ = SendFrame(port_, now, link::EncodeReadSensors(dialect_));
+  sent_ns_ = sender_.Send(now, link::EncodeReadSensors(sender_.dialect()));
 }
 
 void SensorReader::Receive(std::span<const std::uint8_t> bytes) {
@@ -33,11 +35,14 @@ void SensorReader::Receive(std::span<const std::uint8_t> bytes) {
 void SensorReader::Accept(std::span<const std::uint8_t> payload) {
   const bool wanted = late_replies_ == LateReplies::kKept ? reply_count_ < replies_.size() : waiting_;
   if (!wanted) return;
+  const auto values = filter_.Values(payload);
+  if (!values) return;
   Sensors& reply = replies_[reply_count_];
   const link::MessageStatus status = checks_ == ValueChecks::kNone
-                                         ? link::ParseSensors(payload, reply)
-                                         : link::DecodeSensorsPartly(payload, kRefusedMax, reply);
+                                         ? link::ParseSensors(*values, reply)
+                                         : link::DecodeSensorsPartly(*values, kRefusedMax, reply);
   if (status != link::MessageStatus::kOk) return;
+  filter_.Accept();
   waiting_ = false;
   ++reply_count_;
 }

@@ -7,13 +7,15 @@
 //
 // A reply carries no number that links it to its request, so the first valid reply after a request is taken
 // as its answer, even if it is a late answer to an earlier request; whatever follows it in the same period is
-// dropped. There is at most one answer per request. With LateReplies::kKept, every valid reply is passed on.
+// dropped. There is at most one answer per request. With LateReplies::kKept, every valid reply is passed on. In the
+// dialect `hardened` replies are numbered: a repeated or older one is not valid.
 #pragma once
 
 #include <array>
 #include <optional>
 #include <span>
 
+#include "firmware/frame_sender.h"
 #include "firmware/messages.h"
 #include "firmware/port.h"
 #include "link/frame.h"
@@ -56,10 +58,10 @@ class SensorReader {
  private:
   void Accept(std::span<const std::uint8_t> payload);
 
-  link::Dialect dialect_;
   ValueChecks checks_;
-  Port& port_;
+  FrameSender sender_;
   link::FrameDecoder decoder_;
+  link::HeaderFilter filter_;
   LateReplies late_replies_;
   TimeNs sent_ns_ = 0;
   bool waiting_ = false;

@@ -61,11 +61,16 @@ typedef struct {
    *   vehicle           {"name", "model" (of the scenario, as written), "mass_kg"}
    *   control_period_s  of the protocol
    *   angular_rates     axes of the sensed angular rates: "world", "body" or "euler"
-   *   signals           of the reply with the sensors, in its order: [{"name", "unit", "hover"}, ...]
-   *   inputs            of the actuator message, in its order: [{"name", "unit", "min", "max", "hover"}, ...]
-   *   gain              K of u = u_hover - K (x - x_ref): a row for each input, a column for each signal, then one for
+   *   signals           of the server's messages, in their order: [{"name", "unit", "hover"}, ...]
+   *   states            of the vehicle, in the order of the gain: the same
+   *   inputs            of the vehicle: [{"name", "unit", "min", "max", "hover"}, ...]
+   *   gain              K of u = u_hover - K (x - x_ref): a row for each input, a column for each state, then one for
    *                     the integral of the error of each of x, y, z and yaw; that of the scenario's `gain`, else of
    *                     `tiltproof design-lqr`. null when the vehicle has none.
+   *   protocol          {"name", "framing": {"type", "check", "sync", "length"}, "world", "body", "messages": [{"name",
+   *                     "role", "from", "line", "id": {"type", "byte_order", "bits"}, "reply", "starts", "period_ns",
+   *                     "fields": [{"signal", "type", "byte_order", "scale", "min", "max", "as"}, ...]}, ...]}; the id is
+   *                     null for a message without, "sync" and "length" are those of a length-prefixed frame
    * Numbers have the shortest text that reads back as the same double. */
   const char* parameters;
 } TiltproofHost;

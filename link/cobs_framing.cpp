@@ -74,10 +74,33 @@ class Cobs final : public CheckedFraming {
     return parts;
   }
 
-  std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
-  std::unique_ptr<FrameCutter> MakeCutter() const override {
-    return std::make_unique<FlagCutter>(kDelimiter);
+  std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const override {
+    std::vector<ByteRole> roles;
+    std::vector<std::size_t> content;
+    std::size_t left = 0;     // bytes of the block that are still to come
+    bool follows_00 = false;  // the next code stands for one, too
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+      ByteRole role = ByteRole::kPayload;
+      if (frame[i] == kDelimiter) {
+        role = ByteRole::kFlag;
+        left = 0;
+        follows_00 = false;
+      } else if (left == 0) {
+        role = ByteRole::kCode;
+        if (follows_00) content.push_back(i);
+        left = frame[i] - std::size_t{1};
+        follows_00 = frame[i] < kFullBlock;
+      } else {
+        --left;
+        content.push_back(i);
+      }
+      roles.push_back(role);
+    }
+    MarkCheck(content, roles);
+    return roles;
   }
+
+  std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
 
   std::optional<std::uint8_t> flag() const override { return kDelimiter; }
   std::optional<std::uint8_t> escape() const override { return std::nullopt; }

@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "link/crc32.h"
 #include "link/fletcher16.h"
 
 namespace tiltproof::link {
@@ -10,11 +11,9 @@ namespace {
 // "..."sv knows its length; a plain literal needs strlen() where nothing is optimised.
 using namespace std::string_view_literals;
 
-constexpr std::size_t kCheckBytes = 2;
-
 // A frame is so short that the sums need no modulo before its end: of n bytes FF, sum1 is 255 n and sum2 255
 // n (n + 1) / 2.
-constexpr std::uint64_t kUncheckedBytesMax = kPayloadBytesMax + kCheckBytes;
+constexpr std::uint64_t kUncheckedBytesMax = kPayloadBytesMax + CheckBytes(FrameCheck::kCrc32);
 static_assert(255 * kUncheckedBytesMax * (kUncheckedBytesMax + 1) / 2 <=
               std::numeric_limits<std::uint32_t>::max());
 
@@ -44,13 +43,16 @@ std::uint8_t* PutEscaped(std::uint8_t* out, std::uint8_t byte) {
   return out;
 }
 
+constexpr std::uint8_t ByteOf(std::uint32_t check, std::size_t i) {
+  return static_cast<std::uint8_t>(check >> 8 * i & 0xFF);
+}
+
 // Exact length of the payload's frame on the wire.
-std::size_t FrameBytes(std::span<const std::uint8_t> payload) {
-  const std::uint16_t check = Fletcher16(payload);
-  std::size_t count = 2 + payload.size() + kCheckBytes;
+std::size_t FrameBytes(std::span<const std::uint8_t> payload, FrameCheck kind) {
+  const std::uint32_t check = kind == FrameCheck::kFletcher16 ? Fletcher16(payload) : Crc32(payload);
+  std::size_t count = 2 + payload.size() + CheckBytes(kind);
   for (const std::uint8_t byte : payload) count += MustEscape(byte);
-  count += MustEscape(static_cast<std::uint8_t>(check & 0xFF));
-  count += MustEscape(static_cast<std::uint8_t>(check >> 8));
+  for (std::size_t i = 0; i < CheckBytes(kind); ++i) count += MustEscape(ByteOf(check, i));
   return count;
 }
 
@@ -118,7 +120,7 @@ std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>&
   const std::uint8_t* const last = first + bytes.size();
   const std::uint8_t* in = first;
   std::uint8_t* out = buffer_.data() + size_;
-  std::uint8_t* const out_end = buffer_.data() + buffer_.size();
+  std::uint8_t* const out_end = buffer_.data() + kPayloadBytesMax + CheckBytes(check_);
   std::uint32_t sum1 = sum1_;
   std::uint32_t sum2 = sum2_;
   bool escaped = state_ == State::kEscaped;
@@ -184,21 +186,32 @@ std::optional<FrameEvent> FrameDecoder::ReadFrame(std::span<const std::uint8_t>&
 }
 
 FrameStatus FrameDecoder::Judge() const {
-  if (size_ < kCheckBytes) return FrameStatus::kTooShort;
+  if (size_ < CheckBytes(check_)) return FrameStatus::kTooShort;
+  if (!CheckHolds()) return FrameStatus::kBadChecksum;
+  return size_ == CheckBytes(check_) ? FrameStatus::kEmpty : FrameStatus::kOk;
+}
+
+bool FrameDecoder::CheckHolds() const {
+  if (check_ == FrameCheck::kCrc32) {
+    const std::span<const std::uint8_t> content(buffer_.data(), size_);
+    const std::uint32_t check = Crc32(content.first(size_ - CheckBytes(check_)));
+    for (std::size_t i = 0; i < CheckBytes(check_); ++i)
+      if (content[size_ - CheckBytes(check_) + i] != ByteOf(check, i)) return false;
+    return true;
+  }
   // The sums run over the check too, because it is not known to be one before the flag; take its two bytes
   // out again.
   const std::uint8_t check1 = buffer_[size_ - 2];
   const std::uint8_t check2 = buffer_[size_ - 1];
   const std::uint32_t sum1 = sum1_ - check2 - check1;
   const std::uint32_t sum2 = sum2_ - sum1_ - (sum1_ - check2);
-  if (Low(sum1) != check1 || Low(sum2) != check2) return FrameStatus::kBadChecksum;
-  return size_ == kCheckBytes ? FrameStatus::kEmpty : FrameStatus::kOk;
+  return Low(sum1) == check1 && Low(sum2) == check2;
 }
 
 FrameEvent FrameDecoder::CloseFrame(FrameStatus status) {
   const bool has_check =
       status == FrameStatus::kOk || status == FrameStatus::kEmpty || status == FrameStatus::kBadChecksum;
-  const FrameEvent event = MakeEvent(status, has_check ? size_ - kCheckBytes : size_);
+  const FrameEvent event = MakeEvent(status, has_check ? size_ - CheckBytes(check_) : size_);
   OpenFrame();
   return event;
 }
@@ -217,10 +230,11 @@ void FrameDecoder::OpenFrame() {
   begin_ = offset_ - 1;
 }
 
-EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire) {
+EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire,
+                         FrameCheck kind) {
   if (payload.size() > kPayloadBytesMax) return {};
   // Room for the worst case needs no counting of escapes.
-  if (wire.size() < FrameBytesMax(payload.size()) && wire.size() < FrameBytes(payload)) return {};
+  if (wire.size() < FrameBytesMax(payload.size(), kind) && wire.size() < FrameBytes(payload, kind)) return {};
   std::uint8_t* out = wire.data();
   std::uint32_t sum1 = 0;
   std::uint32_t sum2 = 0;
@@ -230,8 +244,9 @@ EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::u
     sum2 += sum1;
     out = PutEscaped(out, byte);
   }
-  out = PutEscaped(out, Low(sum1));
-  out = PutEscaped(out, Low(sum2));
+  const std::uint32_t check =
+      kind == FrameCheck::kFletcher16 ? std::uint32_t{Low(sum2)} << 8 | Low(sum1) : Crc32(payload);
+  for (std::size_t i = 0; i < CheckBytes(kind); ++i) out = PutEscaped(out, ByteOf(check, i));
   *out++ = kFlag;
   return {{wire.data(), static_cast<std::size_t>(out - wire.data())}};
 }

@@ -1,8 +1,8 @@
 // The low-level protocol (paper, section 2.1, Figure 2): 0x7E | escaped(payload, check_lo, check_hi) | 0x7E.
 //
 // An adaptation of PPP's framing (RFC 1662): 0x7E and 0x7D inside are sent as 0x7D, byte ^ 0x20; the check is
-// Fletcher-16 over the unescaped payload, low byte first. Freestanding: no heap, no exceptions, nothing but
-// fixed buffers; the firmware runs exactly this code.
+// Fletcher-16 over the unescaped payload, low byte first, or CRC-32/ISO-HDLC in its four bytes. Freestanding: no heap,
+// no exceptions, nothing but fixed buffers; the firmware runs exactly this code.
 //
 //   std::array<std::uint8_t, FrameBytesMax(64)> wire;
 //   EncodedFrame frame = EncodeFrame(payload, wire);          // frame.bytes is the part of `wire` in use
@@ -36,14 +36,20 @@ inline constexpr std::uint8_t kFlag = 0x7E;
 inline constexpr std::uint8_t kEscape = 0x7D;
 inline constexpr std::uint8_t kEscapeXor = 0x20;
 
+// The check behind the payload.
+enum class FrameCheck : std::uint8_t { kFletcher16, kCrc32 };
+constexpr std::size_t CheckBytes(FrameCheck check) { return check == FrameCheck::kFletcher16 ? 2 : 4; }
+
 // Longest frame on the wire for a payload of that many bytes: everything escaped.
-constexpr std::size_t FrameBytesMax(std::size_t payload_bytes) { return 2 * (payload_bytes + 2) + 2; }
+constexpr std::size_t FrameBytesMax(std::size_t payload_bytes, FrameCheck check = FrameCheck::kFletcher16) {
+  return 2 * (payload_bytes + CheckBytes(check)) + 2;
+}
 
 enum class FrameStatus : std::uint8_t {
   kOk,
   kBadChecksum,  // whole frame, the check differs
-  kTooShort,     // one byte between two flags: no room for a check
-  kTooLong,  // more than kPayloadBytesMax + 2 bytes, unescaped; reported at the byte too many, then silent up
+  kTooShort,     // fewer bytes between two flags than a check has
+  kTooLong,  // more than kPayloadBytesMax bytes and the check, unescaped; reported at the byte too many, then silent up
              // to the next flag
   kDanglingEscape,  // an escape directly before the closing flag (RFC 1662's abort)
   kEmpty,           // check right, no payload: no message is empty
@@ -71,6 +77,8 @@ struct FrameEvent {
 
 class FrameDecoder {
  public:
+  explicit FrameDecoder(FrameCheck check = FrameCheck::kFletcher16) : check_(check) {}
+
   // Consumes bytes from the front of `bytes` up to the end of the next frame or rejection and returns it;
   // nullopt when all of `bytes` is consumed and none has ended. Two flags with nothing between them are idle
   // line, not an event.
@@ -93,6 +101,8 @@ class FrameDecoder {
   std::optional<FrameEvent> ReadFrame(std::span<const std::uint8_t>& bytes);
   // The status of the size_ bytes between two flags; size_ > 0.
   FrameStatus Judge() const;
+  // True if the last CheckBytes(check_) of them are the check of those before.
+  bool CheckHolds() const;
   // The event of the frame that the flag before offset_ closes; the flag opens the next one.
   FrameEvent CloseFrame(FrameStatus status);
   // An event that ends before offset_, counted.
@@ -100,13 +110,14 @@ class FrameDecoder {
   // The flag before offset_ opens a frame.
   void OpenFrame();
 
-  // kPayloadBytesMax and the check, unescaped; size_ in use. Left uninitialised on purpose: only what was
+  // kPayloadBytesMax and the longest check, unescaped; size_ in use. Left uninitialised on purpose: only what was
   // written is read.
-  std::array<std::uint8_t, kPayloadBytesMax + 2> buffer_;
+  std::array<std::uint8_t, kPayloadBytesMax + CheckBytes(FrameCheck::kCrc32)> buffer_;
   std::size_t size_ = 0;
   // Fletcher's sums of the bytes in buffer_, not reduced: they cannot overflow (frame.cpp).
   std::uint32_t sum1_ = 0;
   std::uint32_t sum2_ = 0;
+  FrameCheck check_;
   State state_ = State::kHunting;
   std::uint64_t offset_ = 0;  // of the next byte
   std::uint64_t begin_ = 0;   // of the open frame's opening flag; hunting, of the first byte
@@ -120,6 +131,7 @@ struct EncodedFrame {
   std::span<const std::uint8_t> bytes;
   bool ok() const { return !bytes.empty(); }
 };
-EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire);
+EncodedFrame EncodeFrame(std::span<const std::uint8_t> payload, std::span<std::uint8_t> wire,
+                         FrameCheck check = FrameCheck::kFletcher16);
 
 }  // namespace tiltproof::link

@@ -14,8 +14,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <memory>
 #include <optional>
 #include <span>
+#include <variant>
 
 namespace tiltproof::link {
 
@@ -149,5 +151,13 @@ class LengthCutter final : public FrameCutter {
  private:
   LengthTracker tracker_;
 };
+
+// Where frames end, as data: a flag, or a length in front of them.
+using FrameEnd = std::variant<std::uint8_t, LengthHeader>;
+
+inline std::unique_ptr<FrameCutter> MakeFrameCutter(const FrameEnd& end) {
+  if (const auto* header = std::get_if<LengthHeader>(&end)) return std::make_unique<LengthCutter>(*header);
+  return std::make_unique<FlagCutter>(*std::get_if<std::uint8_t>(&end));
+}
 
 }  // namespace tiltproof::link

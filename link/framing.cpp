@@ -1,8 +1,23 @@
 #include "link/framing.h"
 
+#include <algorithm>
+#include <array>
+
 #include "link/check.h"
 
 namespace tiltproof::link {
+
+std::string_view Name(ByteRole role) {
+  static constexpr std::array<std::string_view, 7> kNames = {"flag",   "escape",  "code", "sync",
+                                                             "length", "payload", "check"};
+  return kNames.at(static_cast<std::size_t>(role));
+}
+
+bool Framing::Has(ByteRole role) const {
+  // A payload of special bytes needs all that the framing has against them.
+  const std::vector<ByteRole> roles = Roles(Encode(special_bytes()));
+  return std::ranges::find(roles, role) != roles.end();
+}
 
 std::vector<std::uint8_t> Framing::Encode(std::span<const std::uint8_t> payload, std::uint32_t damage) const {
   constexpr std::size_t kUsualBytes = 160;
@@ -12,6 +27,17 @@ std::vector<std::uint8_t> Framing::Encode(std::span<const std::uint8_t> payload,
   frame.assign(front.begin(), front.end());
   AppendBehindOpening(payload, damage, frame);
   return frame;
+}
+
+std::unique_ptr<FrameCutter> Framing::MakeCutter() const {
+  const std::optional<FrameEnd> end = frame_end();
+  Check(end.has_value(), "a framing tells where its frames end");
+  return MakeFrameCutter(*end);
+}
+
+std::optional<FrameEnd> Framing::frame_end() const {
+  const std::optional<std::uint8_t> own = flag();
+  return own ? std::optional<FrameEnd>(*own) : std::nullopt;
 }
 
 std::string Framing::ChangeUnseen(std::span<std::uint8_t> /*bytes*/, std::uint32_t /*way*/) const {
@@ -31,6 +57,11 @@ std::optional<FrameParts> CheckedFraming::SplitChecked(std::span<const std::uint
   FrameParts parts{.payload = {payload.begin(), payload.end()}};
   parts.damage = LoadCheck(kind_, content.last(check_bytes())) ^ Checksum(kind_, payload);
   return parts;
+}
+
+void CheckedFraming::MarkCheck(std::span<const std::size_t> places, std::vector<ByteRole>& roles) const {
+  for (const std::size_t place : places.last(std::min(places.size(), check_bytes())))
+    if (roles[place] == ByteRole::kPayload) roles[place] = ByteRole::kCheck;
 }
 
 std::size_t CountFlags(const Framing& framing, std::span<const std::uint8_t> bytes) {

@@ -55,6 +55,12 @@ class FrameReader {
   virtual std::optional<FrameReading> Finish() = 0;
 };
 
+// The purpose of a byte of a frame. kCode is COBS's distance to the next 00, which also stands for a 00 of payload or
+// check; kSync marks the start of a frame with its length in front.
+enum class ByteRole : std::uint8_t { kFlag, kEscape, kCode, kSync, kLength, kPayload, kCheck };
+constexpr ByteRole LastOf(ByteRole) { return ByteRole::kCheck; }
+std::string_view Name(ByteRole role);  // "flag", "escape", ...
+
 // A frame taken apart.
 struct FrameParts {
   std::size_t opening_bytes = 0;  // in front of it: an opening, flags of an idle line
@@ -79,9 +85,16 @@ class Framing {
   // The reverse; nullopt when the bytes are not one frame with a payload and a check.
   virtual std::optional<FrameParts> Split(std::span<const std::uint8_t> frame) const = 0;
 
-  virtual std::unique_ptr<FrameReader> MakeReader() const = 0;
-  virtual std::unique_ptr<FrameCutter> MakeCutter() const = 0;
+  // The role of each of these bytes, which are one frame. In a damaged one each byte has the role of its place.
+  virtual std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const = 0;
+  // True if its frames can have bytes of that role.
+  bool Has(ByteRole role) const;
 
+  virtual std::unique_ptr<FrameReader> MakeReader() const = 0;
+  virtual std::unique_ptr<FrameCutter> MakeCutter() const;
+
+  // The end of a frame; nullopt: neither a flag nor a length in front. Then MakeCutter() must be overridden.
+  virtual std::optional<FrameEnd> frame_end() const;
   // The byte that ends a frame, and the one that announces an escaped byte; nullopt: there is none.
   virtual std::optional<std::uint8_t> flag() const = 0;
   virtual std::optional<std::uint8_t> escape() const = 0;
@@ -116,6 +129,8 @@ class CheckedFraming : public Framing {
                      std::vector<std::uint8_t>& to) const;
   // The reverse, of all bytes between the ends of a frame; nullopt when they are shorter than a check.
   std::optional<FrameParts> SplitChecked(std::span<const std::uint8_t> content) const;
+  // Payload becomes check at the last of these places, which have the bytes of payload and check in their order.
+  void MarkCheck(std::span<const std::size_t> places, std::vector<ByteRole>& roles) const;
 
  private:
   CheckKind kind_;

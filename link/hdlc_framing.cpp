@@ -90,11 +90,25 @@ class Hdlc final : public CheckedFraming {
     return parts;
   }
 
+  std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const override {
+    std::vector<ByteRole> roles;
+    std::vector<std::size_t> content;
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+      const bool is_escaped = i > 0 && roles.back() == ByteRole::kEscape;
+      const ByteRole role = frame[i] == kFlag                    ? ByteRole::kFlag
+                            : frame[i] == kEscape && !is_escaped ? ByteRole::kEscape
+                                                                 : ByteRole::kPayload;
+      if (role == ByteRole::kPayload) content.push_back(i);
+      roles.push_back(role);
+    }
+    MarkCheck(content, roles);
+    return roles;
+  }
+
   std::unique_ptr<FrameReader> MakeReader() const override {
     if (kind() == CheckKind::kFletcher16) return std::make_unique<CodecReader>();
     return std::make_unique<Reader>(*this);
   }
-  std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<FlagCutter>(kFlag); }
 
   std::optional<std::uint8_t> flag() const override { return kFlag; }
   std::optional<std::uint8_t> escape() const override { return kEscape; }

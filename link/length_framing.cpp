@@ -47,8 +47,24 @@ class LengthPrefixed final : public CheckedFraming {
     return SplitChecked(frame.subspan(header_bytes));
   }
 
+  std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const override {
+    std::vector<ByteRole> roles(frame.size(), ByteRole::kPayload);
+    std::vector<std::size_t> content;
+    for (std::size_t i = 0; i < frame.size(); ++i) {
+      if (i < header_.sync_count) {
+        roles[i] = ByteRole::kSync;
+      } else if (i < header_.sync_count + header_.length_bytes) {
+        roles[i] = ByteRole::kLength;
+      } else {
+        content.push_back(i);
+      }
+    }
+    MarkCheck(content, roles);
+    return roles;
+  }
+
   std::unique_ptr<FrameReader> MakeReader() const override { return std::make_unique<Reader>(*this); }
-  std::unique_ptr<FrameCutter> MakeCutter() const override { return std::make_unique<LengthCutter>(header_); }
+  std::optional<FrameEnd> frame_end() const override { return header_; }
 
   std::optional<std::uint8_t> flag() const override { return std::nullopt; }
   std::optional<std::uint8_t> escape() const override { return std::nullopt; }

@@ -17,6 +17,10 @@ std::string_view Name(MessageKind kind) {
       return "reply"sv;
     case MessageKind::kReference:
       return "reference"sv;
+    case MessageKind::kStreamed:
+      return "streamed"sv;
+    case MessageKind::kOther:
+      return "other"sv;
     case MessageKind::kUnknown:
       return "unknown"sv;
   }
@@ -35,6 +39,8 @@ std::string_view Name(MessageStatus status) {
       return "not_finite"sv;
     case MessageStatus::kOutOfRange:
       return "out_of_range"sv;
+    case MessageStatus::kStale:
+      return "stale"sv;
   }
   return "unknown"sv;
 }

@@ -10,12 +10,23 @@ namespace tiltproof::link {
 // Longest payload of a frame, in bytes. The paper's longest is 132.
 inline constexpr std::size_t kPayloadBytesMax = 256;
 
-// The names in scenario files (`message: actuators`). kRequest asks for the sensors, kReply is the server's answer.
-enum class MessageKind : std::uint8_t { kStart, kRequest, kActuators, kReply, kReference, kUnknown };
+// The role of a message. kRequest asks for the sensors, kReply is the server's answer, the server sends kStreamed by
+// itself, and kOther has no effect.
+enum class MessageKind : std::uint8_t {
+  kStart,
+  kRequest,
+  kActuators,
+  kReply,
+  kReference,
+  kStreamed,
+  kOther,
+  kUnknown
+};
 std::string_view Name(MessageKind kind);
 
-enum class MessageStatus : std::uint8_t { kOk, kBadLength, kUnknownId, kNotFinite, kOutOfRange };
-inline constexpr std::size_t kMessageStatusCount = 5;
+// kStale: its number or time is not newer than that of the message of its type before it.
+enum class MessageStatus : std::uint8_t { kOk, kBadLength, kUnknownId, kNotFinite, kOutOfRange, kStale };
+inline constexpr std::size_t kMessageStatusCount = 6;
 std::string_view Name(MessageStatus status);
 
 }  // namespace tiltproof::link

@@ -26,118 +26,56 @@ MessageStatus FindType(const Protocol& protocol, Direction direction, std::span<
   return MessageStatus::kUnknownId;
 }
 
-// --- The protocols that are built in.
-
-// Beyond this magnitude a value is not a state of a small aircraft but a damaged message. A signal's name ends in
-// its unit; of two endings that fit, the longer comes first.
-double PlausibleMagnitude(std::string_view signal) {
-  struct Limit {
-    std::string_view suffix;
-    double magnitude;
-  };
-  static constexpr std::array<Limit, 6> kLimits = {{{"_rad_s", 1e3},
-                                                    {"_rad", 100.0},  // unwrapped yaw included
-                                                    {"_m_s", 1e3},
-                                                    {"_nm", 1e2},
-                                                    {"_m", 1e4},
-                                                    {"_n", 1e3}}};
-  for (const Limit& limit : kLimits)
-    if (signal.ends_with(limit.suffix)) return limit.magnitude;
-  ThrowBrokenInvariant("a signal of a built-in protocol with a unit");
-}
-
-std::vector<MessageField> Fields(const std::vector<std::string>& signals) {
-  std::vector<MessageField> fields;
+// Fields of that type's signals; sequence and time stay.
+MessageType WithSignals(MessageType type, const std::vector<std::string>& signals) {
+  std::erase_if(type.fields,
+                [](const MessageField& field) { return field.content == FieldContent::kSignal; });
   for (const std::string& signal : signals) {
-    const double magnitude = PlausibleMagnitude(signal);
-    fields.push_back({signal, -magnitude, magnitude});
+    const double magnitude = std::min(PlausibleMagnitude(signal), LargestNumber(NumberType::kF32));
+    type.fields.push_back({signal, -magnitude, magnitude});
   }
-  return fields;
+  return LayOut(std::move(type));
 }
 
-// The ids of a client's messages, and the content of `start`.
-struct Services {
-  std::string name;
-  float start_id;
-  bool start_has_inputs;
-  float read_id, actuators_id;
-};
-
-// The signals that a protocol carries, by name.
-struct Carried {
-  std::vector<std::string> sensors, inputs;
-  friend bool operator==(const Carried&, const Carried&) = default;
-};
-
-const Carried& OfTiltRotor() {
-  static const Carried kCarried = {
-      .sensors = {"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "alpha_r_rad", "alpha_l_rad",
-                  "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "alpha_r_rad_s",
-                  "alpha_l_rad_s"},
-      .inputs = {"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"}};
-  return kCarried;
-}
-
-// The common part of both protocols: their client leads, and their server answers with the sensors.
-Protocol ProtocolOf(const Services& services, const Carried& carried) {
-  const auto& [name, start_id, start_has_inputs, read_id, actuators_id] = services;
-  const auto inputs = Fields(carried.inputs), sensors = Fields(carried.sensors);
-  const auto reference = Fields({"x_m", "y_m", "z_m", "yaw_rad", "vx_m_s", "vy_m_s", "vz_m_s"});
-  Protocol protocol = {.name = name,
-                       .control_period_ns = 12 * kNsPerMs,
-                       .messages = {{.name = "start",
-                                     .kind = MessageKind::kStart,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(start_id),
-                                     .starts = true,
-                                     .fields = start_has_inputs ? inputs : std::vector<MessageField>()},
-                                    {.name = "read_sensors",
-                                     .kind = MessageKind::kRequest,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(read_id),
-                                     .reply = "sensors"},
-                                    {.name = "actuators",
-                                     .kind = MessageKind::kActuators,
-                                     .direction = Direction::kToPlant,
-                                     .id = FloatId(actuators_id),
-                                     .fields = inputs},
-                                    {.name = "sensors",
-                                     .kind = MessageKind::kReply,
-                                     .direction = Direction::kToClient,
-                                     .fields = sensors},
-                                    {.name = "reference",
-                                     .kind = MessageKind::kReference,
-                                     .direction = Direction::kReference,
-                                     .fields = reference}}};
-  for (MessageType& type : protocol.messages) type = LayOut(std::move(type));
-  return protocol;
-}
-
-Protocol Paper(const Carried& carried) {
-  Protocol protocol = ProtocolOf({"paper", 1.F, false, 2.F, 3.F}, carried);
-  protocol.repeated_start_is_boot = true;
-  return protocol;
-}
-
-// Its `start` is an actuator message that also says "un-pause", each time that it comes.
-Protocol Provant() {
-  Protocol protocol = ProtocolOf({"provant", 3.F, true, 1.F, 0.F}, OfTiltRotor());
-  protocol.answers_before_start = true;
-  return protocol;
+std::vector<std::string> SignalsOf(const MessageType& type) {
+  std::vector<std::string> signals;
+  for (const MessageField& field : type.fields)
+    if (field.content == FieldContent::kSignal) signals.push_back(field.signal);
+  return signals;
 }
 
 }  // namespace
 
+bool MessageType::has_signals() const {
+  return std::any_of(fields.begin(), fields.end(),
+                     [](const MessageField& field) { return field.content == FieldContent::kSignal; });
+}
+
 const MessageType* Protocol::Find(std::string_view message) const {
   const auto found = std::find_if(messages.begin(), messages.end(),
                                   [&](const MessageType& type) { return type.name == message; });
-  return found == messages.end() ? nullptr : &*found;
+  if (found != messages.end()) return &*found;
+  if (message == "sensors") return Find(MessageKind::kReply);
+  return message == "read_sensors" ? Find(MessageKind::kRequest) : nullptr;
 }
 
 const MessageType* Protocol::Find(MessageKind kind) const {
   const auto found = std::find_if(messages.begin(), messages.end(),
                                   [&](const MessageType& type) { return type.kind == kind; });
   return found == messages.end() ? nullptr : &*found;
+}
+
+const MessageType& Protocol::PeriodMessage() const {
+  const bool streams = std::any_of(messages.begin(), messages.end(), [this](const MessageType& type) {
+    return type.period_ns > 0 && type.period_ns <= control_period_ns;
+  });
+  const auto request = std::find_if(messages.begin(), messages.end(), [](const MessageType& type) {
+    return type.direction == Direction::kToPlant && !type.reply.empty();
+  });
+  if (!streams && request != messages.end()) return *request;
+  const MessageType* actuators = Find(MessageKind::kActuators);
+  Check(actuators != nullptr, "a client asks or commands once a period");
+  return *actuators;
 }
 
 const MessageType* Protocol::Classify(Direction direction, std::span<const std::uint8_t> payload) const {
@@ -191,6 +129,33 @@ double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload
   return own.scale * LoadNumber(own.type, own.order, payload.subspan(own.offset));
 }
 
+double PlausibleMagnitude(std::string_view signal) {
+  struct Limit {
+    std::string_view suffix;
+    double magnitude;
+  };
+  // The longer one of two endings that fit comes first.
+  static constexpr std::array<Limit, 9> kLimits = {{{"_m_s2", 1e4},
+                                                    {"_pa", 1e7},
+                                                    {"_deg", 360.0},
+                                                    {"_rad_s", 1e3},
+                                                    {"_rad", 100.0},  // unwrapped yaw included
+                                                    {"_m_s", 1e3},
+                                                    {"_nm", 1e2},
+                                                    {"_m", 1e4},
+                                                    {"_n", 1e3}}};
+  for (const Limit& limit : kLimits)
+    if (signal.ends_with(limit.suffix)) return limit.magnitude;
+  return std::numeric_limits<double>::infinity();
+}
+
+std::string_view Name(ThrustUnit unit) {
+  static constexpr std::array<std::string_view, 3> kNames = {"newton", "share", "share_of_speed"};
+  return kNames[static_cast<std::size_t>(unit)];
+}
+std::string_view Name(WorldAxes axes) { return axes == WorldAxes::kEnu ? "enu" : "ned"; }
+std::string_view Name(BodyAxes axes) { return axes == BodyAxes::kFlu ? "flu" : "frd"; }
+
 MessageId FloatId(float value) { return {.bits = std::bit_cast<std::uint32_t>(value)}; }
 
 MessageType LayOut(MessageType type) {
@@ -203,28 +168,45 @@ MessageType LayOut(MessageType type) {
   return type;
 }
 
-std::span<const std::shared_ptr<const Protocol>> Protocols() {
-  static const std::array<std::shared_ptr<const Protocol>, 2> kProtocols = {
-      std::make_shared<const Protocol>(Paper(OfTiltRotor())), std::make_shared<const Protocol>(Provant())};
-  return kProtocols;
-}
-
-std::shared_ptr<const Protocol> FindProtocol(std::string_view name) {
-  for (const auto& protocol : Protocols())
-    if (protocol->name == name) return protocol;
-  return nullptr;
+bool SameOnTheLine(const Protocol& a, const Protocol& b) {
+  const auto same_field = [](const MessageField& x, const MessageField& y) {
+    return x.signal == y.signal && x.type == y.type && x.order == y.order && x.scale == y.scale &&
+           x.as == y.as;
+  };
+  const auto same_id = [](const std::optional<MessageId>& x, const std::optional<MessageId>& y) {
+    return x.has_value() == y.has_value() &&
+           (!x || (x->type == y->type && x->order == y->order && x->bits == y->bits));
+  };
+  const auto same_message = [&](const MessageType& x, const MessageType& y) {
+    return x.kind == y.kind && x.direction == y.direction && x.starts == y.starts &&
+           x.period_ns == y.period_ns && same_id(x.id, y.id) &&
+           std::ranges::equal(x.fields, y.fields, same_field);
+  };
+  // A frame has the whole framing: its ends, and the check.
+  constexpr std::array<std::uint8_t, 4> kSample = {0x00, 0x7D, 0x7E, 0xFF};
+  return a.framing->name() == b.framing->name() && a.framing->Encode(kSample) == b.framing->Encode(kSample) &&
+         a.control_period_ns == b.control_period_ns && a.answers_before_start == b.answers_before_start &&
+         a.repeated_start_is_boot == b.repeated_start_is_boot && a.world == b.world && a.body == b.body &&
+         std::ranges::equal(a.messages, b.messages, same_message);
 }
 
 std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
                                            const VehicleSignals& vehicle) {
-  const std::shared_ptr<const Protocol> paper = FindProtocol("paper");
-  if (protocol->name != paper->name) return protocol;
-  Carried carried;
+  if (!protocol->any_vehicle) return protocol;
+  std::vector<std::string> sensors, inputs;
   for (const Signal& sensor : vehicle.sensors)
-    if (vehicle.states.Find(sensor.name)) carried.sensors.push_back(sensor.name);
-  for (const Signal& input : vehicle.inputs) carried.inputs.push_back(input.name);
-  if (carried == OfTiltRotor()) return paper;
-  return std::make_shared<const Protocol>(Paper(carried));
+    if (vehicle.states.Find(sensor.name)) sensors.push_back(sensor.name);
+  for (const Signal& input : vehicle.inputs) inputs.push_back(input.name);
+  Protocol changed = *protocol;
+  bool changes = false;
+  for (MessageType& type : changed.messages) {
+    if (type.kind != MessageKind::kReply && type.kind != MessageKind::kActuators) continue;
+    const std::vector<std::string>& signals = type.kind == MessageKind::kReply ? sensors : inputs;
+    if (SignalsOf(type) == signals) continue;
+    type = WithSignals(std::move(type), signals);
+    changes = true;
+  }
+  return changes ? std::make_shared<const Protocol>(std::move(changed)) : protocol;
 }
 
 }  // namespace tiltproof::link

@@ -8,7 +8,7 @@
 //   Message message;
 //   if (protocol.Decode(Direction::kToPlant, payload, message) == MessageStatus::kOk)
 //     if (!message.type->reply.empty()) Answer(*protocol.Find(message.type->reply));
-//   const Payload reply = protocol.Encode(*protocol.Find("sensors"), row);
+//   const Payload reply = protocol.Encode(*protocol.Find("reply"), row);
 //
 // A checksum lets some wrong payloads through, so a message is accepted only with its exact length, a known id, and
 // every value finite and within its range. Every violation is a value of MessageStatus.
@@ -16,7 +16,7 @@
 // Values here are those of the line: the signals of a vehicle in the axes and the unit that the protocol has them in.
 // harness/run/message_binding.h converts them.
 //
-// The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
+// A user's protocol is a file (harness/scenario/protocol_file.h). The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
 // two consistent.
 #pragma once
 
@@ -48,6 +48,7 @@ enum class FieldContent : std::uint8_t { kSignal, kSequence, kTimeUs };
 // The unit of a rotor's thrust on the line: newton, its share of the largest thrust, or the share of the largest speed,
 // whose square is that of the thrust.
 enum class ThrustUnit : std::uint8_t { kNewton, kShare, kShareOfSpeed };
+std::string_view Name(ThrustUnit unit);  // "share_of_speed"
 
 struct MessageField {
   std::string signal;           // "x_m"; "sequence" and "time_us" are no signals
@@ -78,7 +79,12 @@ struct MessageType {
   TimeNs period_ns = 0;    // the server sends it by itself, so often; 0: it does not
   std::vector<MessageField> fields = {};
   std::size_t payload_bytes = 0;  // LayOut() sets it
+  bool has_signals() const;       // beside numbers and times of messages
 };
+
+// Beyond this magnitude a value of that signal is not one of a small aircraft but of a damaged message. The end of the
+// name gives its unit; infinite for a name without.
+double PlausibleMagnitude(std::string_view signal);
 
 // Sets the offsets of the fields and the length of the payload.
 MessageType LayOut(MessageType type);
@@ -100,6 +106,8 @@ struct Payload {
 // z up; or x forward, y right, z down.
 enum class WorldAxes : std::uint8_t { kEnu, kNed };
 enum class BodyAxes : std::uint8_t { kFlu, kFrd };
+std::string_view Name(WorldAxes axes);
+std::string_view Name(BodyAxes axes);
 
 struct Protocol {
   std::string name;
@@ -112,11 +120,20 @@ struct Protocol {
   bool repeated_start_is_boot = false;
   WorldAxes world = WorldAxes::kEnu;
   BodyAxes body = BodyAxes::kFlu;
+  // True if replies and actuator messages carry the signals of the scenario's vehicle in place of their own
+  // (ForVehicle()).
+  bool any_vehicle = false;
   std::vector<MessageType> messages;  // laid out
 
-  // Null when there is none. The second function finds the only message of its kind.
+  // Null when there is none. The first function also takes "sensors" and "read_sensors", which the messages `reply` and
+  // `request` of the paper were called before. The second one finds the first message of its kind.
   const MessageType* Find(std::string_view message) const;
   const MessageType* Find(MessageKind kind) const;
+
+  // The message that a client sends once in each control period: its first request; its first actuator message when it
+  // needs no request, because the server sends by itself at least once in each period. A protocol has one of the two.
+  const MessageType& PeriodMessage() const;
+  bool streams() const { return PeriodMessage().kind == MessageKind::kActuators; }
 
   // The message type of a payload in that direction, judged only by length and id; null when it is no
   // message.
@@ -138,15 +155,20 @@ double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload
 // Writes it there, as StoreNumber() does.
 void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std::size_t field, double value);
 
-// The built-in protocols: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the authors'
-// published server.
+// True if all messages of both have the same bytes and meaning, whatever the names of protocols and messages and the
+// ranges of their values are.
+bool SameOnTheLine(const Protocol& a, const Protocol& b);
+
+// The shipped protocols, link/protocols/*.yaml: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the
+// authors' published server, "hardened" the paper's with sequence, time stamp and CRC-32. YAML is read above this folder,
+// in harness/scenario/shipped_protocols.cpp: who calls these functions links harness_protocol.
 std::span<const std::shared_ptr<const Protocol>> Protocols();
 // Null when there is no protocol of that name.
 std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
 
-// The protocol as a vehicle with these signals speaks it. The messages of "paper" carry the vehicle's sensed states and
-// its inputs, in the order of its tables; for the tilt-rotor they are those of FindProtocol("paper"), and that is
-// returned. Any other protocol is returned as it is.
+// The protocol as a vehicle with these signals speaks it. With `any_vehicle`, replies carry the vehicle's sensed states
+// and actuator messages its inputs, in the order of its tables and as f32, behind sequence and time. The same object is
+// returned when nothing changes.
 std::shared_ptr<const Protocol> ForVehicle(std::shared_ptr<const Protocol> protocol,
                                            const VehicleSignals& vehicle);
 

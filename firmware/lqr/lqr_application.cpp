@@ -1,117 +1,184 @@
 #include "firmware/lqr/lqr_application.h"
 
-#include <bit>
+#include <algorithm>
+#include <cmath>
 
 namespace tiltproof::firmware {
 namespace {
 
-constexpr std::size_t kFloatBytes = 4;
-constexpr std::size_t kSentBytesMax = kFloatBytes * (1 + kLqrInputsMax);
+using link::FieldContent;
+using link::MessageKind;
+using link::MessageStatus;
+using link::MessageType;
 
-float LoadFloat(std::span<const std::uint8_t> bytes) {
-  return std::bit_cast<float>(
-      static_cast<std::uint32_t>(bytes[0]) | static_cast<std::uint32_t>(bytes[1]) << 8 |
-      static_cast<std::uint32_t>(bytes[2]) << 16 | static_cast<std::uint32_t>(bytes[3]) << 24);
+// The message whose coming is answered; null when the client asks for all states.
+const MessageType* PaceOf(const link::Protocol& protocol, const LqrSensors& sensors) {
+  const MessageType* pace = nullptr;
+  for (const MessageType& type : protocol.messages)
+    if (type.period_ns > 0 && sensors.Needs(type) && (pace == nullptr || type.period_ns <= pace->period_ns))
+      pace = &type;
+  return protocol.streams() ? pace : nullptr;
 }
 
-// The largest plausible magnitude of a sensed number, by its place.
-float PlausibleMax(std::size_t place, std::size_t coordinates) {
-  if (place < 3) return link::kPositionMax_m;
-  if (place < coordinates) return link::kAngleMax_rad;
-  if (place < coordinates + 3) return link::kVelocityMax_m_s;
-  return link::kAngularRateMax_rad_s;
+// Numbers of a type wrap.
+double Wrapped(const link::MessageField& field, double number) {
+  return field.scale * std::fmod(number, link::LargestNumber(field.type) + 1);
 }
 
 }  // namespace
 
-LqrApplication::LqrApplication(const LqrTable& table, link::Dialect dialect, Port& port)
-    : table_(table),
-      services_(dialect == link::Dialect::kPaper ? Services{1.0F, 2.0F, 3.0F, false}
-                                                 : Services{3.0F, 1.0F, 0.0F, true}),
+LqrApplication::LqrApplication(const LqrSetup& setup, Port& port)
+    : setup_(setup),
+      table_(setup.table),
+      protocol_(*setup.protocol),
       // NOLINTNEXTLINE(bugprone-incorrect-roundings): a period is positive.
-      period_ns_(static_cast<TimeNs>(table.period_s * 1e6F + 0.5F) * kNsPerUs),
+      period_ns_(static_cast<TimeNs>(table_.period_s * 1e6F + 0.5F) * kNsPerUs),
       port_(port),
-      law_(table),
-      reference_receiver_(ValueChecks::kFiniteAndRange) {}
+      law_(table_),
+      sensors_(protocol_, setup.states, setup.rates),
+      reader_(protocol_.framing->MakeReader()),
+      reference_reader_(protocol_.framing->MakeReader()),
+      sent_counts_(protocol_.messages.size()),
+      last_numbers_(protocol_.messages.size()),
+      pace_(PaceOf(protocol_, sensors_)),
+      awaited_(protocol_.messages.size()) {
+  if (pace_ != nullptr)
+    paces_per_period_ = std::max<std::int64_t>((period_ns_ + pace_->period_ns / 2) / pace_->period_ns, 1);
+}
 
 TimeNs LqrApplication::Start(TimeNs now) {
   port_.Log(now, "lqr");
-  next_request_ns_ = SendStart(now);
+  next_period_ns_ = SendStart(now);
   return Tick(now);
 }
 
 void LqrApplication::Receive(Uart uart, std::span<const std::uint8_t> bytes) {
-  if (uart == Uart::kReference) return reference_receiver_.Receive(bytes);
-  while (const auto event = decoder_.Next(bytes))
-    if (event->status == link::FrameStatus::kOk) AcceptReply(event->payload);
+  const bool is_main = uart == Uart::kMain;
+  link::FrameReader& reader = is_main ? *reader_ : *reference_reader_;
+  link::Message message;
+  while (const auto frame = reader.Next(bytes)) {
+    if (!frame->ok) continue;
+    const auto direction = is_main ? link::Direction::kToClient : link::Direction::kReference;
+    if (protocol_.Decode(direction, frame->payload, message) != MessageStatus::kOk || !IsNew(message))
+      continue;
+    if (is_main) {
+      Accept(message);
+    } else {
+      Reference reference = reference_.value_or(Reference{});
+      TakeReference(protocol_, message, reference);
+      reference_ = reference;
+    }
+  }
 }
 
 TimeNs LqrApplication::Tick(TimeNs now) {
-  if (const auto reference = reference_receiver_.TakeReference()) reference_ = *reference;
-  if (has_reply_) Answer(now);
+  if (has_states_) Answer(now);
   // Twice at one instant when a `start` leaves without taking time.
-  while (now >= next_request_ns_) BeginPeriod(now);
-  return next_request_ns_;
+  while (now >= next_period_ns_) BeginPeriod(now);
+  return next_period_ns_;
 }
 
-TimeNs LqrApplication::Send(TimeNs now, float id, std::span<const float> values) {
-  std::array<std::uint8_t, kSentBytesMax> payload;
-  std::size_t size = 0;
-  const auto append = [&](float value) {
-    const auto bits = std::bit_cast<std::uint32_t>(value);
-    for (unsigned shift = 0; shift < 32; shift += 8)
-      payload[size++] = static_cast<std::uint8_t>(bits >> shift & 0xFFU);
-  };
-  append(id);
-  for (const float value : values) append(value);
-  std::array<std::uint8_t, link::FrameBytesMax(kSentBytesMax)> wire;
-  const std::span<const std::uint8_t> sent(payload.data(), size);
-  return port_.Transmit(Uart::kMain, now, link::EncodeFrame(sent, wire).bytes);
+// A number or a time that is not ahead of the last one, by less than half of its range, is of an old message.
+bool LqrApplication::IsNew(const link::Message& message) {
+  std::vector<double>& last = last_numbers_[PlaceOf(*message.type)];
+  for (std::size_t i = 0; i < last.size(); ++i) {
+    const link::MessageField& field = message.type->fields[i];
+    if (field.content == FieldContent::kSignal) continue;
+    const double range = field.scale * (link::LargestNumber(field.type) + 1);
+    const double ahead = message.values[i] - last[i] + (message.values[i] < last[i] ? range : 0);
+    if (!(ahead > 0) || ahead >= range / 2) return false;
+  }
+  last = message.values;
+  return true;
+}
+
+double LqrApplication::InputField(const link::MessageField& field, std::span<const float> inputs) const {
+  const auto found = std::find(setup_.inputs.begin(), setup_.inputs.end(), field.signal);
+  if (found == setup_.inputs.end()) return 0;
+  const auto input = static_cast<std::size_t>(found - setup_.inputs.begin());
+  const double value = inputs[input];
+  if (field.as == link::ThrustUnit::kNewton) return value;
+  const double share = value / table_.input_max[input];
+  return field.as == link::ThrustUnit::kShare ? share : std::copysign(std::sqrt(std::abs(share)), share);
+}
+
+TimeNs LqrApplication::Send(TimeNs now, const MessageType& type, std::span<const float> inputs) {
+  const std::uint32_t count = sent_counts_[PlaceOf(type)]++;
+  std::vector<double> values;
+  for (const link::MessageField& field : type.fields) {
+    switch (field.content) {
+      case FieldContent::kSequence:
+        values.push_back(Wrapped(field, count));
+        break;
+      case FieldContent::kTimeUs:
+        values.push_back(Wrapped(field, std::floor(static_cast<double>(now / kNsPerUs) / field.scale)));
+        break;
+      case FieldContent::kSignal:
+        values.push_back(InputField(field, inputs));
+        break;
+    }
+  }
+  const std::vector<std::uint8_t> frame = protocol_.framing->Encode(protocol_.Encode(type, values).span());
+  return port_.Transmit(Uart::kMain, now, frame);
 }
 
 TimeNs LqrApplication::SendStart(TimeNs now) {
   start_is_fresh_ = true;
-  const std::span<const float> hover(table_.hover_input.data(), table_.input_count);
-  return Send(now, services_.start, services_.start_has_inputs ? hover : std::span<const float>());
+  const MessageType* start = protocol_.Find(MessageKind::kStart);
+  if (start == nullptr) return now;
+  return Send(now, *start, std::span(table_.hover_input.data(), table_.input_count));
 }
 
 void LqrApplication::BeginPeriod(TimeNs now) {
   if (!heard_server_ && !start_is_fresh_) {
-    next_request_ns_ = SendStart(now);
+    next_period_ns_ = SendStart(now);
     return;
   }
   start_is_fresh_ = false;
-  decoder_.Finish();  // A reply that is not whole by now answers the request before.
+  if (pace_ != nullptr && (heard_server_ || protocol_.Find(MessageKind::kStart) == nullptr)) {
+    next_period_ns_ = kNever;
+    return;
+  }
+  if (pace_ == nullptr) reader_->Finish();  // A reply that is not whole by now answers the request before.
   waiting_ = true;
-  Send(now, services_.read, {});
+  for (const MessageType& type : protocol_.messages) {
+    if (type.direction != link::Direction::kToPlant || type.reply.empty()) continue;
+    const MessageType* reply = protocol_.Find(type.reply);
+    awaited_[PlaceOf(*reply)] = sensors_.Needs(*reply);
+    Send(now, type, {});
+  }
   do {
-    next_request_ns_ += period_ns_;
-  } while (next_request_ns_ <= now);
+    next_period_ns_ += period_ns_;
+  } while (next_period_ns_ <= now);
 }
 
-void LqrApplication::AcceptReply(std::span<const std::uint8_t> payload) {
-  const std::size_t count = table_.sensed_count();
-  if (!waiting_ || payload.size() != kFloatBytes * count) return;
-  std::array<float, kLqrSensedMax> values;
-  for (std::size_t i = 0; i < count; ++i) {
-    values[i] = LoadFloat(payload.subspan(kFloatBytes * i, kFloatBytes));
-    const float max = PlausibleMax(i, count / 2);
-    if (!(values[i] >= -max && values[i] <= max)) return;  // NaN fails, too
+void LqrApplication::Accept(const link::Message& message) {
+  const bool is_own = message.type->period_ns > 0;
+  if (!sensors_.Needs(*message.type) || (!is_own && !waiting_)) return;
+  heard_server_ = true;
+  sensors_.Take(message);
+  if (!is_own) awaited_[PlaceOf(*message.type)] = false;
+  if (!sensors_.complete()) return;
+  if (pace_ != nullptr) {
+    if (message.type != pace_ || pace_count_++ % paces_per_period_ != 0) return;
+  } else {
+    if (!waiting_ || std::find(awaited_.begin(), awaited_.end(), true) != awaited_.end()) return;
+    waiting_ = false;
   }
-  sensed_ = values;
-  waiting_ = false;
-  has_reply_ = heard_server_ = true;
+  has_states_ = true;
 }
 
 void LqrApplication::Answer(TimeNs now) {
-  has_reply_ = false;
-  const std::span<const float> sensed(sensed_.data(), table_.sensed_count());
+  has_states_ = false;
+  const std::array<float, kLqrSensedMax> states = sensors_.States();
+  const std::span<const float> sensed(states.data(), table_.sensed_count());
   if (!reference_)
     reference_ = Reference{.x_m = sensed[0], .y_m = sensed[1], .z_m = sensed[2], .yaw_rad = sensed[5]};
   std::array<float, kLqrInputsMax> command;
   const std::span<float> inputs(command.data(), table_.input_count);
   law_.Step(sensed, *reference_, inputs);
-  Send(now, services_.actuators, inputs);
+  for (const MessageType& type : protocol_.messages)
+    if (type.kind == MessageKind::kActuators) Send(now, type, inputs);
 }
 
 }  // namespace tiltproof::firmware

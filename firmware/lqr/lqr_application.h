@@ -1,34 +1,51 @@
-// The build `lqr` as a whole: the paper's periodic cycle (section 2.1, Figure 4) with messages of the vehicle's sizes.
+// The build `lqr` as a whole: the paper's periodic cycle (section 2.1, Figure 4), in any protocol that carries the states
+// of the law (firmware/lqr/lqr_sensors.h).
 //
-//   LqrApplication application(table, link::Dialect::kPaper, port);
+//   LqrApplication application(setup, port);
 //   TimeNs wake = application.Start(now);            // power-on
 //   for (;;) {                                       // until `wake` or until bytes arrive
 //     application.Receive(Uart::kMain, bytes);
 //     wake = application.Tick(now);
 //   }
 //
-// It sends `start`, then one request in each period. The first valid reply to a request is answered at once by
-// actuators. A reply that is damaged, not finite or implausible is none, and its period has no actuators. Until the
-// first valid reply each period begins with `start` again, because the server may not have received it.
+// It sends `start`, then the protocol's requests in each period. When the replies with all states have come, it answers at
+// once with all actuator messages. A message that is damaged, not finite, implausible or stale is none, and a period that
+// lacks one has no actuators. Until the first valid message of the server each period begins with `start` again, because
+// the server may not have received it. Where the server sends by itself, there are no requests: the last of the states'
+// messages in the file, of those that come most often, is answered, once in each control period. A protocol without
+// `start` begins with the first answer.
+//
+// This build has no image, so it may use the harness's protocols, which need a heap.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string>
+#include <vector>
 
 #include "firmware/lqr/lqr_law.h"
-#include "firmware/messages.h"
+#include "firmware/lqr/lqr_sensors.h"
 #include "firmware/port.h"
-#include "firmware/reference_receiver.h"
-#include "link/frame.h"
+#include "firmware/signals.h"
+#include "link/protocol.h"
 
 namespace tiltproof::firmware {
 
+// One vehicle and its protocol.
+struct LqrSetup {
+  LqrTable table;
+  std::shared_ptr<const link::Protocol> protocol;
+  std::vector<std::string> states, inputs;  // names, in the order of the table
+  RatesAxes rates = RatesAxes::kWorld;
+};
+
 class LqrApplication {
  public:
-  // `table` and `port` must outlive the application.
-  LqrApplication(const LqrTable& table, link::Dialect dialect, Port& port);
+  // `setup` and `port` must outlive the application. The protocol must carry all states and inputs.
+  LqrApplication(const LqrSetup& setup, Port& port);
 
   // Power-on, once. Returns when to call Tick at the latest.
   TimeNs Start(TimeNs now);
@@ -38,32 +55,38 @@ class LqrApplication {
   TimeNs Tick(TimeNs now);
 
  private:
-  struct Services {
-    float start, read, actuators;
-    bool start_has_inputs;
-  };
-
-  // Returns when the message's last bit has left.
-  TimeNs Send(TimeNs now, float id, std::span<const float> values);
+  // Returns when the message's last bit has left. `inputs`: of the vehicle, for the fields that carry them.
+  TimeNs Send(TimeNs now, const link::MessageType& type, std::span<const float> inputs);
+  double InputField(const link::MessageField& field, std::span<const float> inputs) const;
   TimeNs SendStart(TimeNs now);
   void BeginPeriod(TimeNs now);
-  void AcceptReply(std::span<const std::uint8_t> payload);
+  bool IsNew(const link::Message& message);
+  void Accept(const link::Message& message);
   void Answer(TimeNs now);
+  std::size_t PlaceOf(const link::MessageType& type) const {
+    return static_cast<std::size_t>(&type - protocol_.messages.data());
+  }
 
+  const LqrSetup& setup_;
   const LqrTable& table_;
-  const Services services_;
+  const link::Protocol& protocol_;
   const TimeNs period_ns_;
   Port& port_;
   LqrLaw law_;
-  link::FrameDecoder decoder_;
-  ReferenceReceiver reference_receiver_;
+  LqrSensors sensors_;
+  std::unique_ptr<link::FrameReader> reader_, reference_reader_;
+  std::vector<std::uint32_t> sent_counts_;         // by message type
+  std::vector<std::vector<double>> last_numbers_;  // values of the last message of each type
+  const link::MessageType* pace_ =
+      nullptr;  // the message of the server's own that is answered; null: replies are
+  std::int64_t paces_per_period_ = 1, pace_count_ = 0;
+  std::vector<bool> awaited_;           // by message type: the replies that this period lacks
   std::optional<Reference> reference_;  // the last one received; before that, the place of the first reply
-  std::array<float, kLqrSensedMax> sensed_{};
-  bool has_reply_ = false;      // in sensed_, not answered
-  bool waiting_ = false;        // for the reply to the last request
-  bool start_is_fresh_ = true;  // `start` has been sent and no request since
-  bool heard_server_ = false;   // a valid reply has arrived
-  TimeNs next_request_ns_ = 0;
+  bool has_states_ = false;             // all of this period, not answered
+  bool waiting_ = false;                // for the replies to the last requests
+  bool start_is_fresh_ = true;          // `start` has been sent and no request since
+  bool heard_server_ = false;           // a valid message has arrived
+  TimeNs next_period_ns_ = 0;
 };
 
 }  // namespace tiltproof::firmware

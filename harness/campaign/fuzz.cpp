@@ -170,7 +170,8 @@ HostileSequence FuzzCampaign::Next() {
   }
   if (corpus_.empty() || random.Below(4) == 0) {
     parent = {};
-    if (options_.reference_line && random.Below(4) == 0) parent.target = faults::Target::kReference;
+    if (options_.reference_line && !references_.empty() && random.Below(4) == 0)
+      parent.target = faults::Target::kReference;
   }
   const HostileFrames& frames = parent.target == faults::Target::kReference ? references_ : replies_;
   return ChangeSequence(parent, other, frames, count, random);

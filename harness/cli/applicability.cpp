@@ -19,6 +19,7 @@
 #include "harness/run/client_channel.h"
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/fault_support.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -94,13 +95,18 @@ void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<
 // The other builds hold the gain of the tilt-rotor: the messages of any other vehicle are not theirs.
 void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<Problem>& problems) {
   const std::string& build = scenario.firmware_of(client);
-  if (build == kLqrBuild || scenario.link.protocol == link::FindProtocol(scenario.link.protocol->name))
-    return;
-  const std::string why = fmt::format(
-      "the build '{}' holds the gain of the tilt-rotor and cannot fly the vehicle of {}; `firmware: lqr` "
-      "flies "
-      "any vehicle",
-      build, scenario.model_file.string());
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const auto known = link::FindProtocol(DialectOf(protocol));
+  if (build == kLqrBuild || (known && SameOnTheLine(protocol, *known))) return;
+  const std::string why = known == nullptr
+                              ? fmt::format("the build '{}' does not speak the protocol '{}'; it speaks {}",
+                                            build, protocol.name, fmt::join(ShippedProtocolNames(), ", "))
+                              : fmt::format(
+                                    "the build '{}' holds the gain of the tilt-rotor and cannot fly the "
+                                    "vehicle of {}; `firmware: lqr` "
+                                    "flies "
+                                    "any vehicle",
+                                    build, scenario.model_file.string());
   problems.push_back({fmt::format("{}: firmware: {}", scenario.file.string(), why), why});
 }
 
@@ -194,7 +200,7 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
         complain(fmt::format("the image of {} has no variable {} (firmware/tiltproof_client.h)", ToText(spec),
                              kStatusSymbol));
     } else if (std::holds_alternative<HostLibrary>(spec)) {
-      if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), scenario.link.protocol->name)))
+      if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), DialectOf(*scenario.link.protocol))))
         complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
                              ToText(spec)));
     } else {

@@ -55,6 +55,7 @@ void RegisterNode(CLI::App& program, CommandLine& line);
 void RegisterDoctor(CLI::App& program, CommandLine& line);
 void RegisterFrame(CLI::App& program, CommandLine& line);
 void RegisterLinkDump(CLI::App& program, CommandLine& line);
+void RegisterProtocol(CLI::App& program, CommandLine& line);
 void RegisterIntegrity(CLI::App& program, CommandLine& line);
 void RegisterManual(CLI::App& program, CommandLine& line);  // after all others, which its pages describe
 

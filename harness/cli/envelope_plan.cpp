@@ -181,7 +181,10 @@ void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& row
     entry.scenario = WithRow(column.base.scenario, row, signals);
     entry.scenario.name = RowName(row);
     entry.named = false;
-    if (auto why = Unsupported(entry.scenario.faults[place], *row.type, abilities))
+    const faults::FaultSpec& fault = entry.scenario.faults[place];
+    if (const auto problem = faults::ProtocolProblem(fault, *entry.scenario.link.protocol))
+      reasons[RowName(row)] = problem->message;
+    else if (auto why = Unsupported(fault, *row.type, abilities))
       reasons[RowName(row)] = std::move(*why);
     else
       suite.scenarios.push_back(std::move(entry));

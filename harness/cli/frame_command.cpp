@@ -6,8 +6,11 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <nlohmann/json.hpp>
 
+#include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
+#include "harness/report/json_text.h"
 #include "harness/terminal/terminal.h"
 #include "link/hdlc_framing.h"
 #include "link/message_kind.h"
@@ -29,22 +32,59 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
   return bytes;
 }
 
-void PrintFrame(const link::FrameReading& read) {
-  Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"}}\n", read.begin, read.status,
-        fmt::format("{:02x}", fmt::join(read.payload, "")));
+// The messages that a payload can be, each with its direction and values: a payload does not say its direction.
+nlohmann::ordered_json MessagesIn(const link::Protocol& protocol, std::span<const std::uint8_t> payload) {
+  nlohmann::ordered_json messages = nlohmann::ordered_json::array();
+  for (std::size_t i = 0; i < link::kDirectionCount; ++i) {
+    const auto direction = static_cast<link::Direction>(i);
+    const link::MessageType* type = protocol.Classify(direction, payload);
+    if (type == nullptr) continue;
+    nlohmann::ordered_json values = nlohmann::ordered_json::object();
+    for (std::size_t field = 0; field < type->fields.size(); ++field)
+      values[type->fields[field].signal] = link::FieldValue(*type, payload, field);
+    link::Message message;
+    messages.push_back({{"message", type->name},
+                        {"direction", Name(direction)},
+                        {"status", Name(protocol.Decode(direction, payload, message))},
+                        {"values", std::move(values)}});
+  }
+  return messages;
 }
 
-int FrameEncodeCommand(const std::string& hex) {
+// `protocol`: null without --protocol; then the line has no messages.
+void PrintFrame(const link::FrameReading& read, const link::Protocol* protocol) {
+  const std::string messages =
+      protocol != nullptr && read.ok
+          ? fmt::format(", \"messages\": {}", JsonLine(MessagesIn(*protocol, read.payload)))
+          : "";
+  Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"{}}}\n", read.begin, read.status,
+        fmt::format("{:02x}", fmt::join(read.payload, "")), messages);
+}
+
+// The framing of --protocol; without it the paper's.
+struct FrameOptions {
+  std::string protocol;  // empty: not stated
+  std::shared_ptr<const link::Protocol> Protocol() const {
+    return protocol.empty() ? nullptr : ReadProtocolFlag(protocol);
+  }
+};
+const link::Framing& FramingOf(const std::shared_ptr<const link::Protocol>& protocol) {
+  return protocol == nullptr ? *link::HdlcFraming() : *protocol->framing;
+}
+
+int FrameEncodeCommand(const std::string& hex, const FrameOptions& options) {
+  const std::shared_ptr<const link::Protocol> protocol = options.Protocol();
   const auto payload = FromHex(hex);
   if (payload.size() > link::kPayloadBytesMax)
     throw UsageError(
         fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
-  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(link::HdlcFraming()->Encode(payload), "")));
+  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(FramingOf(protocol).Encode(payload), "")));
   return kExitGreen;
 }
 
 // An empty path is standard input.
-int FrameDecodeCommand(const std::filesystem::path& file) {
+int FrameDecodeCommand(const std::filesystem::path& file, const FrameOptions& options) {
+  const std::shared_ptr<const link::Protocol> protocol = options.Protocol();
   if (std::filesystem::is_directory(file))
     throw UsageError(fmt::format("FILE: {} is a folder; give a file of raw bytes", file.string()));
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> opened(
@@ -53,10 +93,10 @@ int FrameDecodeCommand(const std::filesystem::path& file) {
     throw UsageError(fmt::format("cannot open {}: {}", file.string(), std::strerror(errno)));
   std::FILE* input = file.empty() ? stdin : opened.get();
 
-  const std::unique_ptr<link::FrameReader> reader = link::HdlcFraming()->MakeReader();
+  const std::unique_ptr<link::FrameReader> reader = FramingOf(protocol).MakeReader();
   bool rejected = false;
   const auto report = [&](const link::FrameReading& read) {
-    PrintFrame(read);
+    PrintFrame(read, protocol.get());
     rejected |= !read.ok;
   };
   for (int c = 0; (c = std::getc(input)) != EOF;) {
@@ -76,18 +116,24 @@ int FrameDecodeCommand(const std::filesystem::path& file) {
 void RegisterFrame(CLI::App& program, CommandLine& line) {
   CLI::App* command = program.add_subcommand("frame", "Encode and decode frames of the serial line");
   command->require_subcommand(1);
+  const auto options = std::make_shared<FrameOptions>();
+  const auto add_protocol = [&](CLI::App& part, const char* what) {
+    part.add_option("--protocol", options->protocol, what);
+  };
 
   const auto hex = std::make_shared<std::string>();
   CLI::App* encode =
       command->add_subcommand("encode", "Print the frame that carries a payload, in hexadecimal");
   encode->add_option("HEX", *hex, "The payload in hexadecimal")->required();
-  SetAction(*encode, line, [hex] { return FrameEncodeCommand(*hex); });
+  add_protocol(*encode, "Whose framing: a built-in protocol or a protocol file (default: paper)");
+  SetAction(*encode, line, [hex, options] { return FrameEncodeCommand(*hex, *options); });
 
   const auto file = std::make_shared<std::filesystem::path>();
   CLI::App* decode =
       command->add_subcommand("decode", "Decode raw bytes: one JSON line per frame or rejection");
   decode->add_option("FILE", *file, "Raw bytes (default: standard input)");
-  SetAction(*decode, line, [file] { return FrameDecodeCommand(*file); });
+  add_protocol(*decode, "Also print the messages, of a built-in protocol or a protocol file");
+  SetAction(*decode, line, [file, options] { return FrameDecodeCommand(*file, *options); });
 }
 
 }  // namespace tiltproof::harness

@@ -14,11 +14,11 @@
 #include "harness/cli/client_flag.h"
 #include "harness/cli/fuzz_files.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/protocol_flag.h"
 #include "harness/cli/search_flights.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
-#include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/reader.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
@@ -57,12 +57,7 @@ FlightMeans FuzzMeans(const FuzzOptions& options) {
 }
 
 LoadedScenario LoadBase(const FuzzOptions& options, const FlightMeans& means) {
-  std::vector<std::string_view> protocols;
-  for (const auto& protocol : link::Protocols()) protocols.push_back(protocol->name);
-  const std::shared_ptr<const link::Protocol> protocol = link::FindProtocol(options.protocol);
-  if (protocol == nullptr)
-    throw UsageError(fmt::format("--protocol {}: no such protocol{}", options.protocol,
-                                 DidYouMean(options.protocol, protocols)));
+  const std::shared_ptr<const link::Protocol> protocol = ReadProtocolFlag(options.protocol);
   const std::string build = options.firmware.empty() ? Scenario().firmware : options.firmware;
   if (AbilitiesOf(means.clients.all, false).shipped) CheckBuild(build);
   if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
@@ -327,7 +322,9 @@ void RegisterFuzz(CLI::App& program, CommandLine& line) {
       "fuzz",
       "Send hostile frames to a firmware, and write each that breaks it as a scenario (1: found some)");
   AddClients(*command, options->clients);
-  command->add_option("--protocol", options->protocol, "What the firmware speaks: paper or provant")
+  command
+      ->add_option("--protocol", options->protocol,
+                   "What the firmware speaks: a built-in protocol or a protocol file")
       ->capture_default_str();
   AddFirmware(*command, options->firmware);
   auto* fuzz_time = command->add_option("--time", options->time_s, "How long, in s (default: 60)")

@@ -3,15 +3,15 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <memory>
 
+#include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/run/link_log.h"
 #include "harness/terminal/terminal.h"
-#include "link/framing.h"
+#include "link/hdlc_framing.h"
 
 namespace tiltproof::harness {
 
@@ -40,7 +40,26 @@ std::vector<std::string> ClientIds(const LinkLog& log, const std::optional<Scena
 
 // One line a decoded frame or rejection: time of the record that completed it, direction, side, status, and
 // the payload; and one for what the buffer of an adapter passed on at once.
-int LinkDumpCommand(const std::filesystem::path& file) {
+struct LinkDumpOptions {
+  std::filesystem::path file;
+  std::string protocol;  // empty: that of the scenario
+};
+
+// The message of a payload, or without a protocol its numbers as the built-in ones have them.
+std::string MeaningOf(const link::Protocol* protocol, link::Direction direction,
+                      std::span<const std::uint8_t> payload) {
+  if (protocol != nullptr) return MessageText(*protocol, direction, payload);
+  if (payload.size() % 4 != 0) return "";
+  std::string floats;
+  for (std::size_t i = 0; i < payload.size(); i += 4)
+    floats +=
+        fmt::format("{}{:.9g}", i == 0 ? "" : " ",
+                    link::LoadNumber(link::NumberType::kF32, link::ByteOrder::kLittle, payload.subspan(i)));
+  return floats;
+}
+
+int LinkDumpCommand(const LinkDumpOptions& options) {
+  const std::filesystem::path& file = options.file;
   std::string content;
   try {
     content = ReadFile(file);
@@ -56,8 +75,12 @@ int LinkDumpCommand(const std::filesystem::path& file) {
 
   const std::optional<Scenario> scenario = ScenarioBeside(file);
   const std::vector<std::string> ids = ClientIds(log, scenario);
+  const std::shared_ptr<const link::Protocol> protocol = !options.protocol.empty()
+                                                             ? ReadProtocolFlag(options.protocol)
+                                                         : scenario ? scenario->link.protocol
+                                                                    : nullptr;
   // The built-in protocols have one framing: a log that was moved is read too.
-  const link::Framing& framing = *(scenario ? scenario->link.protocol : link::Protocols().front())->framing;
+  const link::Framing& framing = protocol == nullptr ? *link::HdlcFraming() : *protocol->framing;
   // Sent and delivered bytes are two streams in each direction of each client.
   std::vector<std::array<std::array<std::unique_ptr<link::FrameReader>, 2>, link::kDirectionCount>> readers(
       ids.size());
@@ -66,24 +89,15 @@ int LinkDumpCommand(const std::filesystem::path& file) {
       for (auto& side : direction) side = framing.MakeReader();
   const auto print = [&](TimeNs time_ns, std::size_t client, std::size_t direction, bool delivered,
                          const link::FrameReading& read) {
-    std::string meaning;
-    if (read.ok) {
-      // Only by its length: a log does not say the protocol, and the built-in ones share lengths.
-      const auto floats = read.payload.size() % 4 == 0 ? read.payload.size() / 4 : 0;
-      for (std::size_t i = 0; i < floats; ++i) {
-        const auto* b = &read.payload[4 * i];
-        const std::uint32_t bits =
-            b[0] | (std::uint32_t{b[1]} << 8) | (std::uint32_t{b[2]} << 16) | (std::uint32_t{b[3]} << 24);
-        meaning += fmt::format(" {:.9g}", std::bit_cast<float>(bits));
-      }
-    }
+    const std::string meaning =
+        read.ok ? MeaningOf(protocol.get(), static_cast<link::Direction>(direction), read.payload) : "";
     Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}{}{}\n", ToSeconds(time_ns),
           ids.size() > 1 ? ids[client] + " " : "", Name(static_cast<link::Direction>(direction)),
           delivered ? "delivered" : "sent", read.status, read.payload.size(),
-          fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  =", meaning);
+          fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  = ", meaning);
   };
-  Print(stdout, "# begin_s {}direction side status bytes payload = floats\n",
-        ids.size() > 1 ? "client " : "");
+  Print(stdout, "# begin_s {}direction side status bytes payload = {}\n", ids.size() > 1 ? "client " : "",
+        protocol == nullptr ? "floats" : "message");
   std::size_t offset = 0;
   TimeNs last_ns = 0;
   while (const auto record = log.NextOfAll(offset)) {
@@ -111,10 +125,12 @@ int LinkDumpCommand(const std::filesystem::path& file) {
 }  // namespace
 
 void RegisterLinkDump(CLI::App& program, CommandLine& line) {
-  const auto file = std::make_shared<std::filesystem::path>();
+  const auto options = std::make_shared<LinkDumpOptions>();
   CLI::App* command = program.add_subcommand("link-dump", "Print a link.bin as decoded frames");
-  command->add_option("FILE", *file, "link.bin of a scenario")->required();
-  SetAction(*command, line, [file] { return LinkDumpCommand(*file); });
+  command->add_option("FILE", options->file, "link.bin of a scenario")->required();
+  command->add_option("--protocol", options->protocol,
+                      "A built-in protocol or a protocol file (default: that of the scenario beside FILE)");
+  SetAction(*command, line, [options] { return LinkDumpCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

@@ -11,11 +11,11 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr auto kRegistrations = {RegisterRun,     RegisterCheck,     RegisterNew,       RegisterFaults,
-                                 RegisterReplay,  RegisterScore,     RegisterReport,    RegisterExport,
-                                 RegisterCompare, RegisterMargin,    RegisterEnvelope,  RegisterFuzz,
-                                 RegisterVehicle, RegisterDesignLqr, RegisterNode,      RegisterDoctor,
-                                 RegisterFrame,   RegisterLinkDump,  RegisterIntegrity, RegisterManual};
+constexpr auto kRegistrations = {
+    RegisterRun,      RegisterCheck,     RegisterNew,     RegisterFaults, RegisterReplay,   RegisterScore,
+    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterEnvelope, RegisterFuzz,
+    RegisterVehicle,  RegisterDesignLqr, RegisterNode,    RegisterDoctor, RegisterFrame,    RegisterLinkDump,
+    RegisterProtocol, RegisterIntegrity, RegisterManual};
 
 // Returns the exit code.
 int Act(const CommandLine& line) {

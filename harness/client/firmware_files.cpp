@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <optional>
-#include <stdexcept>
+
+#include "harness/scenario/protocol_file.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -49,18 +51,15 @@ std::string HowToGetImages() {
 
 EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
                      const link::Protocol& protocol) {
-  const std::optional<std::uint8_t> flag = protocol.framing->flag();
-  if (!flag)
-    throw std::runtime_error(fmt::format(
-        "the emulated board stops where a flag ends a frame; frames of the protocol '{}' have none",
-        protocol.name));
-  return {.image = ImageFile(image, firmware, protocol.name).string(),
+  const std::optional<link::FrameEnd> end = protocol.framing->frame_end();
+  Check(end.has_value(), "frames of a protocol end with a flag, or have a length in front");
+  return {.image = ImageFile(image, firmware, DialectOf(protocol)).string(),
           .plugin = LockstepPlugin().string(),
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,
           .console_usart = image.console_usart,
           .hse_hz = image.hse_hz,
-          .barrier = *flag};
+          .frame_end = *end};
 }
 
 }  // namespace tiltproof::harness

@@ -5,6 +5,7 @@
 
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 
@@ -21,8 +22,8 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
   // The shipped firmware prints nothing: looking for that in every period would be in vain.
   if (const auto* library = std::get_if<HostLibrary>(&client)) {
     auto loaded = LoadLibraryClient(
-        FirmwareFile(client, settings.firmware, settings.protocol->name), settings.firmware,
-        settings.protocol->name, std::move(host),
+        FirmwareFile(client, settings.firmware, DialectOf(*settings.protocol)), settings.firmware,
+        DialectOf(*settings.protocol), std::move(host),
         library->file.empty() ? nullptr : std::make_unique<CapturedOutput>(), settings.coverage,
         TakesParameters(*library, settings.firmware) ? settings.parameters : nullptr);
     return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);

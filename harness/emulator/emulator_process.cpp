@@ -10,6 +10,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "harness/emulator/frame_end_text.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/process/shared_processor.h"
@@ -31,7 +32,7 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
       "qemu-system-arm", "-M",   "netduinoplus2", "-display", "none",
       "-monitor",        "none", "-nodefaults",   "-icount",  "shift=3,sleep=off"};
   const auto plugin = PluginArguments(
-      spec, "socket=3,barrier=" + std::to_string(spec.barrier) + ",main=" + std::to_string(spec.main_usart) +
+      spec, "socket=3,barrier=" + FrameEndText(spec.frame_end) + ",main=" + std::to_string(spec.main_usart) +
                 ",reference=" + std::to_string(spec.reference_usart) +
                 ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : "") +
                 (spec.coverage ? ",coverage=4" : "") + (spec.gdb_port != 0 ? ",debugged=on" : ""));

@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "harness/emulator/lockstep_protocol.h"
+#include "link/frame_cutter.h"
 #include "link/time.h"
 
 namespace tiltproof::harness {
@@ -36,9 +37,8 @@ struct EmulatorSpec {
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
   int hse_hz = 8'000'000;  // the crystal's; 0: there is none
-  // The processor stops when it has sent this byte on the main line, unless it is the first one of a frame. The byte
-  // ends a frame of the line's protocol.
-  std::uint8_t barrier = 0;
+  // The processor stops when it has sent such an end of a frame on the main line.
+  link::FrameEnd frame_end = std::uint8_t{0};
   // For a debugger: the port of QEMU's gdb server on this machine, 0 for none. The emulator then waits for no one's
   // time limit, and `halted` for the debugger's word before the first instruction.
   int gdb_port = 0;

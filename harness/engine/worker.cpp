@@ -30,6 +30,7 @@
 #include "harness/run/flight.h"
 #include "harness/run/realtime/realtime_flight.h"
 #include "harness/run/run_id.h"
+#include "harness/scenario/protocol_file.h"
 #include "harness/scenario/reader.h"
 #include "harness/terminal/terminal.h"
 
@@ -106,11 +107,12 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     settings.parameters = [&] { return ClientParameters(scenario, *job.model); };
     const ClientSpec& spec = processes.clients.front();
     if (means.debug)
-      Print(stderr, "tiltproof: {}\n",
-            std::holds_alternative<EmulatedImage>(spec)
-                ? HowToDebugImage(FirmwareFile(spec, settings.firmware, settings.protocol->name).string(),
-                                  *means.debug)
-                : HowToDebugLibrary(*means.debug));
+      Print(
+          stderr, "tiltproof: {}\n",
+          std::holds_alternative<EmulatedImage>(spec)
+              ? HowToDebugImage(FirmwareFile(spec, settings.firmware, DialectOf(*settings.protocol)).string(),
+                                *means.debug)
+              : HowToDebugLibrary(*means.debug));
     return MakeClient(spec, settings, std::move(host));
   };
   options.progress_ns = progress_ns;

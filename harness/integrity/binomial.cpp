@@ -8,7 +8,18 @@ namespace {
 
 constexpr double kNegligible = 1e-17;
 
+// log n!, by Stirling's series; its error is below 1e-15 here.
+double LogFactorial(double n) {
+  constexpr double kHalfLogTwoPi = 0.91893853320467274178;
+  return (n + 0.5) * std::log(n) - n + kHalfLogTwoPi + 1 / (12 * n) - 1 / (360 * n * n * n);
+}
+
 double LogChoose(std::int64_t n, std::int64_t k) {
+  constexpr std::int64_t kSummedMax = 10'000;
+  if (std::min(k, n - k) > kSummedMax) {
+    const auto all = static_cast<double>(n), chosen = static_cast<double>(k);
+    return LogFactorial(all) - LogFactorial(chosen) - LogFactorial(all - chosen);
+  }
   double sum = 0;
   for (std::int64_t i = 1; i <= std::min(k, n - k); ++i)
     sum += std::log(static_cast<double>(n - std::min(k, n - k) + i) / static_cast<double>(i));
@@ -77,6 +88,40 @@ std::pair<double, double> ClopperPearson(std::int64_t successes, std::int64_t tr
       return Downwards(Probability(log_choose, trials, successes, p), trials, successes, p);
     });
   return {low, high};
+}
+
+double DesignEffect(std::span<const Cluster> clusters) {
+  double trials = 0, successes = 0;
+  for (const Cluster& cluster : clusters) {
+    trials += static_cast<double>(cluster.trials);
+    successes += static_cast<double>(cluster.successes);
+  }
+  const double share = successes / trials, binomial = trials * share * (1 - share);
+  if (clusters.size() < 2 || !(binomial > 0)) return 1;
+  double squares = 0;
+  for (const Cluster& cluster : clusters) {
+    const double distance =
+        static_cast<double>(cluster.successes) - share * static_cast<double>(cluster.trials);
+    squares += distance * distance;
+  }
+  const auto count = static_cast<double>(clusters.size());
+  return std::max(1.0, count / (count - 1) * squares / binomial);
+}
+
+std::pair<double, double> ClusteredBounds(std::span<const Cluster> clusters, double error_probability) {
+  std::int64_t trials = 0, successes = 0;
+  for (const Cluster& cluster : clusters) {
+    trials += cluster.trials;
+    successes += cluster.successes;
+  }
+  const double effect = DesignEffect(clusters);
+  const auto effective = std::max<std::int64_t>(std::llround(static_cast<double>(trials) / effect), 1);
+  const double share = static_cast<double>(successes) / static_cast<double>(trials),
+               expected = share * static_cast<double>(effective);
+  const auto fewer = std::min(static_cast<std::int64_t>(std::floor(expected)), effective);
+  const auto more = std::min(static_cast<std::int64_t>(std::ceil(expected)), effective);
+  return {ClopperPearson(fewer, effective, error_probability).first,
+          ClopperPearson(more, effective, error_probability).second};
 }
 
 }  // namespace tiltproof::harness

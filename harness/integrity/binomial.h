@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <utility>
 
 namespace tiltproof::harness {
@@ -16,5 +17,16 @@ double BinomialTail(std::int64_t trials, std::int64_t successes, double p);
 // (Clopper and Pearson, Biometrika 26 (1934) 404).
 std::pair<double, double> ClopperPearson(std::int64_t successes, std::int64_t trials,
                                          double error_probability);
+
+// Trials that have something in common, such as the frame that was damaged.
+struct Cluster {
+  std::int64_t trials = 0, successes = 0;
+};
+// The variance of the share of successes over that of independent trials; at least 1, because a few clusters may by
+// chance differ too little. The trials of all clusters together are at least 1.
+double DesignEffect(std::span<const Cluster> clusters);
+// Bounds of Clopper and Pearson with the trials divided by the design effect (Korn and Graubard, Survey Methodology
+// 24(2), 1998, 193).
+std::pair<double, double> ClusteredBounds(std::span<const Cluster> clusters, double error_probability);
 
 }  // namespace tiltproof::harness

@@ -9,7 +9,8 @@
 #include <thread>
 
 #include "harness/integrity/binomial.h"
-#include "harness/integrity/frame_sample.h"
+#include "harness/integrity/damager.h"
+#include "harness/integrity/undetected.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -19,213 +20,81 @@ using faults::KeyOf;
 using faults::Random;
 using faults::StreamKey;
 
-// A stretch of the work with frames and draws of its own, whichever thread does it.
-constexpr std::int64_t kBlockFrames = 1 << 16;
-// Numbers of wrong bits that are counted in all their ways, and the largest that is drawn.
-constexpr int kEnumeratedBits = 3, kDrawnBitsMax = 40;
-constexpr double kBitErrorRateMax = 0.02;  // a frame of 160 bytes hardly has more than kDrawnBitsMax there
+// The work is done in blocks, each with an intact frame and draws of its own, whichever thread does it. There are enough
+// of them to see how much frames differ. Where the damage itself is drawn from few possibilities, blocks are small.
+constexpr std::int64_t kBlocksMin = 64, kBlockFrames = 1 << 14, kSmallBlockFrames = 1 << 8;
+// Numbers of wrong bits that are counted in all their ways: at most these, and with at most so many ways.
+constexpr int kEnumeratedBits = 3;
+constexpr double kEnumeratedWays = 1e8;
+// Intact frames whose wrong bits are counted in all ways for a bit error rate.
+constexpr std::size_t kEnumeratedFrames = 16, kEnumeratedFramesOfThree = 2;
+constexpr double kBitErrorRateMax = 0.5;
 constexpr double kErrorProbability = 0.05;
 
-struct Counts {
-  std::int64_t frames = 0, passed_check = 0, delivered_wrong = 0;
-  Counts& operator+=(const Counts& other) {
-    frames += other.frames;
-    passed_check += other.passed_check;
-    delivered_wrong += other.delivered_wrong;
-    return *this;
-  }
-};
-
-// Damage of one frame after the other.
-class Damager {
- public:
-  Damager(const FrameSample& sample, link::CheckKind kind)
-      : sample_(sample), check_(kind, sample.content().size()), changes_(sample.wire().size()) {}
-
-  std::size_t bits_count() const { return 8 * sample_.wire().size(); }
-  std::size_t bytes_count() const { return sample_.wire().size(); }
-  std::uint8_t byte(std::size_t place) const { return sample_.wire()[place]; }
-
-  void FlipBit(std::size_t bit) { Change(bit / 8, static_cast<std::uint8_t>(1 << bit % 8)); }
-  // Flips these bits of a byte.
-  void Change(std::size_t place, std::uint8_t bits) {
-    if (changes_[place] == 0) places_.push_back(place);
-    changes_[place] ^= bits;
-  }
-  // Judges the changes since the last call.
-  void Judge() {
-    ++counts_.frames;
-    if (MayPass()) {
-      damaged_.assign(sample_.wire().begin(), sample_.wire().end());
-      for (const std::size_t place : places_) damaged_[place] ^= changes_[place];
-      Receive();
-    }
-    for (const std::size_t place : places_) changes_[place] = 0;
-    places_.clear();
-  }
-  // Judges a frame of another length.
-  void Judge(std::span<const std::uint8_t> damaged) {
-    ++counts_.frames;
-    damaged_.assign(damaged.begin(), damaged.end());
-    Receive();
-  }
-  const Counts& counts() const { return counts_; }
-
- private:
-  // False only if the receiver finds the frame where it was sent, and its check wrong.
-  bool MayPass() {
-    check_.Begin(sample_.content());
-    bool is_changed = false;
-    for (const std::size_t place : places_) {
-      if (changes_[place] == 0) continue;
-      const std::uint8_t from = byte(place);
-      const auto to = static_cast<std::uint8_t>(from ^ changes_[place]);
-      const std::size_t in_content = sample_.ContentPlace(place);
-      if (in_content == FrameSample::kNone || sample_.IsSpecial(to)) return true;
-      const std::uint8_t value = sample_.content()[in_content];
-      check_.Change(in_content, value, static_cast<std::uint8_t>(value ^ changes_[place]));
-      is_changed = true;
-    }
-    return is_changed && check_.Holds();
-  }
-  void Receive() {
-    const Received received = sample_.Receive(damaged_);
-    counts_.passed_check += received.passed_check_count;
-    counts_.delivered_wrong += received.accepted_count;
-  }
-
-  const FrameSample& sample_;
-  FrameCheck check_;
-  std::vector<std::uint8_t> changes_;  // of each byte of the frame
-  std::vector<std::size_t> places_;    // of bytes that are changed
-  std::vector<std::uint8_t> damaged_;
-  Counts counts_;
-};
-
-void FlipRandomBits(Damager& damager, Random& random, int count) {
-  std::array<std::size_t, kDrawnBitsMax> bits;
-  for (int i = 0; i < count;) {
-    const std::size_t bit = random.Below(damager.bits_count());
-    const auto end = bits.begin() + i;
-    if (std::find(bits.begin(), end, bit) != end) continue;
-    bits[static_cast<std::size_t>(i++)] = bit;
-    damager.FlipBit(bit);
-  }
-}
-
-void MakeBurst(Damager& damager, Random& random, std::size_t length) {
-  length = std::min(length, damager.bits_count());
-  const std::size_t first = random.Below(damager.bits_count() - length + 1);
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < length; ++i) {
-    if (i % 64 == 0) bits = random();
-    if (i == 0 || i + 1 == length || (bits >> i % 64 & 1) != 0) damager.FlipBit(first + i);
-  }
-}
-
-void StickBytes(Damager& damager, Random& random, std::size_t count) {
-  count = std::min(count, damager.bytes_count());
-  const std::uint8_t stuck = random.Bernoulli(0.5) ? 0xFF : 0x00;
-  const std::size_t first = random.Below(damager.bytes_count() - count + 1);
-  for (std::size_t i = first; i < first + count; ++i)
-    damager.Change(i, static_cast<std::uint8_t>(damager.byte(i) ^ stuck));
-}
-
-// Pairs may have a byte in common: then it is moved on.
-void SwapBytes(Damager& damager, Random& random, std::size_t count) {
-  std::vector<std::uint8_t> bytes(damager.bytes_count());
-  for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = damager.byte(i);
-  for (std::size_t i = 0; i < count; ++i) {
-    const std::size_t first = random.Below(bytes.size() - 1);
-    std::swap(bytes[first], bytes[first + 1]);
-  }
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    if (bytes[i] != damager.byte(i)) damager.Change(i, static_cast<std::uint8_t>(bytes[i] ^ damager.byte(i)));
-}
-
-std::vector<std::uint8_t> OfOtherLength(const FrameSample& sample, Random& random, bool inserts,
-                                        std::size_t count) {
-  std::vector<std::uint8_t> bytes(sample.wire().begin(), sample.wire().end());
-  for (std::size_t i = 0; i < count && !bytes.empty(); ++i) {
-    const auto at =
-        bytes.begin() + static_cast<std::ptrdiff_t>(random.Below(bytes.size() + (inserts ? 1 : 0)));
-    if (inserts) {
-      bytes.insert(at, static_cast<std::uint8_t>(random.Below(256)));
-    } else {
-      bytes.erase(at);
-    }
-  }
-  return bytes;
-}
-
-// All ways in which `count` bits from `first` on are wrong beside those that are.
-void EnumerateBits(Damager& damager, int count, std::vector<std::size_t>& bits) {
-  if (count == 0) {
-    for (const std::size_t bit : bits) damager.FlipBit(bit);
-    damager.Judge();
-    return;
-  }
-  for (std::size_t bit = bits.empty() ? 0 : bits.back() + 1; bit < damager.bits_count(); ++bit) {
-    bits.push_back(bit);
-    EnumerateBits(damager, count - 1, bits);
-    bits.pop_back();
-  }
-}
+using Blocks = std::vector<Counts>;
+using Damage = std::function<void(Damager&, Random&)>;
 
 // The work of one level, in blocks.
 class Measurement {
  public:
   explicit Measurement(const IntegritySpec& spec)
-      : spec_(spec), type_(spec.protocol->Find(spec.message)), kind_(spec.protocol->framing->check()) {
-    if (type_ == nullptr)
-      throw std::invalid_argument("protocol '" + spec.protocol->name + "' has no message '" + spec.message +
-                                  "'");
-    if (!kind_) throw std::invalid_argument("protocol '" + spec.protocol->name + "' has a check of its own");
+      : spec_(spec),
+        type_(spec.message.empty() ? DefaultMessage(*spec.protocol) : spec.protocol->Find(spec.message)) {
+    const std::string name = "protocol '" + spec.protocol->name + "'";
+    if (type_ == nullptr) throw std::invalid_argument(name + " has no message '" + spec.message + "'");
+    const auto kind = spec.protocol->framing->check();
+    if (!kind) throw std::invalid_argument(name + " has a check of its own");
+    group_.emplace(*kind, type_->payload_bytes + link::CheckBytes(*kind));
   }
 
   // Frames that `damage` damages, each once.
-  Counts Draw(std::string_view name, std::int64_t frames_count,
-              const std::function<void(Damager&, const FrameSample&, Random&)>& damage) const {
-    const std::uint64_t stream = StreamKey(spec_.seed, {spec_.protocol->name, spec_.message, name});
-    const std::int64_t blocks_count = (frames_count + kBlockFrames - 1) / kBlockFrames;
-    std::vector<Counts> of_blocks(static_cast<std::size_t>(blocks_count));
-    InThreads(of_blocks.size(), [&](std::size_t block) {
+  Blocks Draw(std::string_view name, std::int64_t frames_count, std::int64_t block_frames,
+              const Damage& damage) const {
+    const std::uint64_t stream = StreamKey(spec_.seed, {spec_.protocol->name, type_->name, name});
+    frames_count = std::max<std::int64_t>(frames_count, 1);
+    block_frames = std::clamp<std::int64_t>(frames_count / kBlocksMin, 1, block_frames);
+    Blocks blocks(static_cast<std::size_t>((frames_count + block_frames - 1) / block_frames));
+    InThreads(blocks.size(), [&](std::size_t block) {
       Random random(KeyOf(stream, block));
       const FrameSample sample(*spec_.protocol, *type_, random);
-      Damager damager(sample, *kind_);
-      const std::int64_t first = static_cast<std::int64_t>(block) * kBlockFrames;
-      for (std::int64_t i = first; i < std::min(first + kBlockFrames, frames_count); ++i)
-        damage(damager, sample, random);
-      of_blocks[block] = damager.counts();
+      Damager damager(sample, *group_);
+      const std::int64_t first = static_cast<std::int64_t>(block) * block_frames;
+      const std::int64_t end = std::min(first + block_frames, frames_count);
+      for (std::int64_t i = first; i < end; ++i) damage(damager, random);
+      blocks[block] = damager.counts();
     });
-    Counts all;
-    for (const Counts& counts : of_blocks) all += counts;
-    return all;
+    return blocks;
   }
 
-  // All frames that differ from one in `count` bits.
-  Counts Enumerate(int count) const {
-    Random random(StreamKey(spec_.seed, {spec_.protocol->name, spec_.message, "enumerate"}));
-    const FrameSample sample(*spec_.protocol, *type_, random);
-    const std::size_t bits_count = 8 * sample.wire().size();
-    std::vector<Counts> of_firsts(bits_count);
-    InThreads(bits_count, [&](std::size_t first) {
-      Damager damager(sample, *kind_);
-      std::vector<std::size_t> bits = {first};
-      EnumerateBits(damager, count - 1, bits);
-      of_firsts[first] = damager.counts();
+  // All frames that differ in `count` bits from one of so many frames. One block for each frame.
+  Blocks Enumerate(int count, std::size_t frames_count) const {
+    const std::uint64_t stream = StreamKey(spec_.seed, {spec_.protocol->name, type_->name, "enumerate"});
+    std::vector<FrameSample> samples;
+    for (std::size_t i = 0; i < frames_count; ++i) {
+      Random random(KeyOf(stream, i));
+      samples.emplace_back(*spec_.protocol, *type_, random);
+    }
+    // One piece of work for each wrong bit that is the first.
+    std::vector<std::pair<std::size_t, std::size_t>> works;
+    for (std::size_t i = 0; i < frames_count; ++i)
+      for (std::size_t bit = 0; bit < 8 * samples[i].wire().size(); ++bit) works.emplace_back(i, bit);
+    std::vector<Counts> of_works(works.size());
+    InThreads(works.size(), [&](std::size_t work) {
+      Damager damager(samples[works[work].first], *group_);
+      damager.JudgeAllFrom(works[work].second, count);
+      of_works[work] = damager.counts();
     });
-    Counts all;
-    for (const Counts& counts : of_firsts) all += counts;
-    return all;
+    Blocks blocks(frames_count);
+    for (std::size_t work = 0; work < works.size(); ++work) blocks[works[work].first] += of_works[work];
+    return blocks;
   }
 
-  // Longest frame of the message that the samples have.
-  std::size_t bits_count() const {
-    Random random(StreamKey(spec_.seed, {spec_.protocol->name, spec_.message, "enumerate"}));
-    return 8 * FrameSample(*spec_.protocol, *type_, random).wire().size();
+  // Bits of a frame, of which stuffing makes some longer.
+  std::int64_t bits_count() const {
+    Random random(KeyOf(StreamKey(spec_.seed, {spec_.protocol->name, type_->name, "enumerate"}), 0));
+    return static_cast<std::int64_t>(8 * FrameSample(*spec_.protocol, *type_, random).wire().size());
   }
-  link::CheckKind kind() const { return *kind_; }
+  const CheckGroup& group() const { return *group_; }
 
  private:
   void InThreads(std::size_t count, const std::function<void(std::size_t)>& work) const {
@@ -240,112 +109,167 @@ class Measurement {
 
   const IntegritySpec& spec_;
   const link::MessageType* type_;
-  std::optional<link::CheckKind> kind_;
+  std::optional<CheckGroup> group_;
 };
 
 // `error_probability`: that the share is not between the bounds.
-Rate RateOf(std::int64_t count, std::int64_t frames, double error_probability) {
-  const auto [low, high] = ClopperPearson(count, frames, error_probability);
-  return {.rate = static_cast<double>(count) / static_cast<double>(frames), .low = low, .high = high};
+Rate RateOf(const Blocks& blocks, std::int64_t Counts::*count, double error_probability) {
+  std::vector<Cluster> clusters;
+  Counts all;
+  for (const Counts& block : blocks) {
+    clusters.push_back({block.frames, block.*count});
+    all += block;
+  }
+  const auto [low, high] = ClusteredBounds(clusters, error_probability);
+  return {
+      .rate = static_cast<double>(all.*count) / static_cast<double>(all.frames), .low = low, .high = high};
 }
 
-double TheoryOf(link::CheckKind kind) {
-  return std::exp2(-8.0 * static_cast<double>(link::CheckBytes(kind)));
+IntegrityRow RowOf(double level, const Blocks& blocks) {
+  Counts all;
+  for (const Counts& block : blocks) all += block;
+  return {.level = level,
+          .frames_count = all.frames,
+          .passed_check_count = all.passed_check,
+          .passed_length_count = all.passed_length,
+          .delivered_wrong_count = all.delivered_wrong,
+          .passed_check = RateOf(blocks, &Counts::passed_check, kErrorProbability),
+          .passed_length = RateOf(blocks, &Counts::passed_length, kErrorProbability),
+          .delivered_wrong = RateOf(blocks, &Counts::delivered_wrong, kErrorProbability),
+          .theory = {}};
 }
 
-// Shares of wrong frames for each number of wrong bits.
-struct OfWrongBits {
-  std::vector<Counts> counts;  // [i]: of i + 1 bits
+// The numbers of wrong bits that are counted in all ways, of a frame with so many bits.
+int EnumeratedBits(std::int64_t bits) {
+  const auto n = static_cast<double>(bits);
+  return n * (n - 1) * (n - 2) / 6 <= kEnumeratedWays ? kEnumeratedBits : kEnumeratedBits - 1;
+}
+
+// The probabilities that at most k of all bits are wrong, when more than `least` are; from least + 1 on.
+std::vector<double> MoreWrongBits(std::int64_t bits, int least, double p) {
+  const double all = BinomialTail(bits, least, p);
+  std::vector<double> sums;
+  double sum = 0;
+  for (std::int64_t k = least + 1; k <= bits && sum < 1 - 0x1p-52; ++k)
+    sums.push_back(sum += BinomialProbability(bits, k, p) / all);
+  return sums;
+}
+
+// Frames of a line with a bit error rate, by the number of their wrong bits.
+class BitErrors {
+ public:
+  BitErrors(const Measurement& measurement, const IntegritySpec& spec)
+      : measurement_(measurement),
+        spec_(spec),
+        bits_(measurement.bits_count()),
+        enumerated_(EnumeratedBits(bits_)),
+        theory_(measurement.group().kind(), measurement.group().content_bytes()) {
+    for (int count = 1; count <= enumerated_; ++count)
+      in_all_ways_.push_back(
+          measurement.Enumerate(count, count < 3 ? kEnumeratedFrames : kEnumeratedFramesOfThree));
+  }
+
+  IntegrityRow At(double p) const {
+    const std::vector<double> sums = MoreWrongBits(bits_, enumerated_, p);
+    const Blocks drawn =
+        measurement_.Draw("ber " + std::to_string(std::bit_cast<std::uint64_t>(p)), spec_.frames_count,
+                          kBlockFrames, [&](Damager& damager, Random& random) {
+                            const double u = random.Uniform();
+                            std::size_t more = 0;
+                            while (more + 1 < sums.size() && u >= sums[more]) ++more;
+                            const std::size_t count = static_cast<std::size_t>(enumerated_) + 1 + more;
+                            damager.FlipBits(random, std::min(count, damager.bits_count()));
+                            damager.Judge();
+                          });
+    IntegrityRow row = RowOf(p, drawn);
+    for (const Blocks& blocks : in_all_ways_) {
+      for (const Counts& block : blocks) {
+        row.frames_count += block.frames;
+        row.passed_check_count += block.passed_check;
+        row.passed_length_count += block.passed_length;
+        row.delivered_wrong_count += block.delivered_wrong;
+      }
+    }
+    row.passed_check = Weighted(drawn, &Counts::passed_check, p);
+    row.passed_length = Weighted(drawn, &Counts::passed_length, p);
+    row.delivered_wrong = Weighted(drawn, &Counts::delivered_wrong, p);
+    row.theory = theory_.RateAt(p);
+    return row;
+  }
+
+ private:
+  Rate Weighted(const Blocks& drawn, std::int64_t Counts::*count, double p) const {
+    Rate all;
+    const double probability = kErrorProbability / (enumerated_ + 1);
+    const auto add = [&](const Rate& own, double weight) {
+      all.rate += weight * own.rate;
+      all.low += weight * own.low;
+      all.high += weight * own.high;
+    };
+    for (int bits = 1; bits <= enumerated_; ++bits) {
+      Rate own = RateOf(in_all_ways_[static_cast<std::size_t>(bits - 1)], count, probability);
+      // All ways of several frames: none means that there is none.
+      if (own.rate == 0) own.high = 0;
+      add(own, BinomialProbability(bits_, bits, p));
+    }
+    add(RateOf(drawn, count, probability), BinomialTail(bits_, enumerated_, p));
+    return all;
+  }
+
+  const Measurement& measurement_;
+  const IntegritySpec& spec_;
+  std::int64_t bits_;
+  int enumerated_;
+  UndetectedErrors theory_;
+  std::vector<Blocks> in_all_ways_;  // [i]: with i + 1 wrong bits
 };
 
-OfWrongBits MeasureWrongBits(const Measurement& measurement, std::int64_t frames_count) {
-  OfWrongBits all;
-  for (int bits = 1; bits <= kDrawnBitsMax; ++bits) {
-    if (bits <= kEnumeratedBits) {
-      all.counts.push_back(measurement.Enumerate(bits));
-    } else {
-      // Few wrong bits decide the rates of good lines.
-      const std::int64_t share = bits <= 8 ? 8 : 40;
-      all.counts.push_back(
-          measurement.Draw("bits " + std::to_string(bits), std::max<std::int64_t>(frames_count / share, 1),
-                           [bits](Damager& damager, const FrameSample& /*sample*/, Random& random) {
-                             FlipRandomBits(damager, random, bits);
-                             damager.Judge();
-                           }));
-    }
-  }
-  return all;
-}
-
-IntegrityRow AtBitErrorRate(double p, std::int64_t bits, const OfWrongBits& wrong, link::CheckKind kind) {
-  IntegrityRow row;
-  row.level = p;
-  const double probability = kErrorProbability / (kDrawnBitsMax - kEnumeratedBits);
-  for (int i = 1; i <= kDrawnBitsMax; ++i) {
-    const Counts& counts = wrong.counts[static_cast<std::size_t>(i - 1)];
-    row.frames_count += counts.frames;
-    row.passed_check_count += counts.passed_check;
-    row.delivered_wrong_count += counts.delivered_wrong;
-    const double weight = BinomialProbability(bits, i, p);
-    const auto add = [&](Rate& rate, std::int64_t count) {
-      const Rate own = RateOf(count, counts.frames, probability);
-      rate.rate += weight * own.rate;
-      rate.low += weight * (i <= kEnumeratedBits ? own.rate : own.low);
-      rate.high += weight * (i <= kEnumeratedBits ? own.rate : own.high);
-    };
-    add(row.passed_check, counts.passed_check);
-    add(row.delivered_wrong, counts.delivered_wrong);
-  }
-  const double beyond = BinomialTail(bits, kDrawnBitsMax, p);
-  row.passed_check.high += beyond;
-  row.delivered_wrong.high += beyond;
-  row.theory = (1 - BinomialProbability(bits, 0, p)) * TheoryOf(kind);
-  return row;
-}
-
-IntegrityRow RowOf(double level, const Counts& counts) {
-  return {.level = level,
-          .frames_count = counts.frames,
-          .passed_check_count = counts.passed_check,
-          .delivered_wrong_count = counts.delivered_wrong,
-          .passed_check = RateOf(counts.passed_check, counts.frames, kErrorProbability),
-          .delivered_wrong = RateOf(counts.delivered_wrong, counts.frames, kErrorProbability),
-          .theory = {}};
+// The share of bursts that pass a check, by theory. A CRC detects every burst that is not longer than itself, and of those
+// one bit longer all but one.
+double TheoryOfBurst(const CheckGroup& group, std::size_t length) {
+  const auto bits = 8 * link::CheckBytes(group.kind());
+  if (!group.is_linear() || length > bits + 1) return std::exp2(-static_cast<double>(bits));
+  return length <= bits ? 0 : std::exp2(1 - static_cast<double>(bits));
 }
 
 IntegrityRow AtLevel(const Measurement& measurement, const IntegritySpec& spec, double level) {
   const auto count = static_cast<std::size_t>(level);
   const std::string name = std::string(Name(spec.errors)) + " " + std::to_string(count);
-  const auto draw = [&](std::int64_t frames_count, const auto& damage) {
-    return RowOf(level, measurement.Draw(name, std::max<std::int64_t>(frames_count, 1), damage));
+  const auto draw = [&](std::int64_t frames_count, std::int64_t block_frames, const Damage& damage) {
+    return RowOf(level, measurement.Draw(name, frames_count, block_frames, damage));
   };
   switch (spec.errors) {
     case ErrorKind::kBurst: {
-      IntegrityRow row = draw(spec.frames_count, [&](Damager& damager, const FrameSample&, Random& random) {
-        MakeBurst(damager, random, count);
+      IntegrityRow row = draw(spec.frames_count, kBlockFrames, [&](Damager& damager, Random& random) {
+        damager.MakeBurst(random, count);
         damager.Judge();
       });
-      row.theory = TheoryOf(measurement.kind());
+      row.theory = TheoryOfBurst(measurement.group(), count);
       return row;
     }
     case ErrorKind::kStuck:
-      return draw(spec.frames_count, [&](Damager& damager, const FrameSample&, Random& random) {
-        StickBytes(damager, random, count);
+      return draw(spec.frames_count, kSmallBlockFrames, [&](Damager& damager, Random& random) {
+        damager.StickBytes(random, count);
         damager.Judge();
       });
     case ErrorKind::kSwap:
-      return draw(spec.frames_count, [&](Damager& damager, const FrameSample&, Random& random) {
-        SwapBytes(damager, random, count);
+      return draw(spec.frames_count, kSmallBlockFrames, [&](Damager& damager, Random& random) {
+        damager.SwapBytes(random, count);
         damager.Judge();
       });
     case ErrorKind::kLoss:
+      return draw(spec.frames_count / 10, kSmallBlockFrames,
+                  [&](Damager& damager, Random& random) { damager.JudgeWithLost(random, count); });
     case ErrorKind::kInsert:
-      return draw(spec.frames_count / 10, [&](Damager& damager, const FrameSample& sample, Random& random) {
-        damager.Judge(OfOtherLength(sample, random, spec.errors == ErrorKind::kInsert, count));
-      });
+      return draw(spec.frames_count / 10, kBlockFrames,
+                  [&](Damager& damager, Random& random) { damager.JudgeWithAdded(random, count); });
     case ErrorKind::kEnumerate: {
-      IntegrityRow row = RowOf(level, measurement.Enumerate(static_cast<int>(count)));
-      for (Rate* rate : {&row.passed_check, &row.delivered_wrong}) rate->low = rate->high = rate->rate;
+      IntegrityRow row = RowOf(level, measurement.Enumerate(static_cast<int>(count), 1));
+      for (Rate* rate : {&row.passed_check, &row.passed_length, &row.delivered_wrong})
+        rate->low = rate->high = rate->rate;
+      row.theory = UndetectedErrors(measurement.group().kind(), measurement.group().content_bytes())
+                       .Count(static_cast<int>(count)) /
+                   static_cast<double>(row.frames_count);
       return row;
     }
     case ErrorKind::kBer:
@@ -364,7 +288,7 @@ void CheckLevels(ErrorKind errors, const std::vector<double>& levels) {
       throw std::invalid_argument(
           "a level of '" + std::string(Name(errors)) + "' is " +
           (errors == ErrorKind::kBer
-               ? "above 0 and at most 0.02"
+               ? "above 0 and at most 0.5"
                : "a whole number from 1 to " + std::to_string(static_cast<int>(highest))));
   }
 }
@@ -408,6 +332,16 @@ std::vector<double> LevelsOf(ErrorKind kind) {
   return {};
 }
 
+const link::MessageType* DefaultMessage(const link::Protocol& protocol) {
+  if (const link::MessageType* reply = protocol.Find(link::MessageKind::kReply)) return reply;
+  const link::MessageType* longest = nullptr;
+  for (const link::MessageType& type : protocol.messages)
+    if (type.direction == link::Direction::kToClient &&
+        (longest == nullptr || type.payload_bytes > longest->payload_bytes))
+      longest = &type;
+  return longest;
+}
+
 std::vector<IntegrityRow> MeasureIntegrity(const IntegritySpec& spec) {
   const Measurement measurement(spec);
   const std::vector<double> levels = spec.levels.empty() ? LevelsOf(spec.errors) : spec.levels;
@@ -417,10 +351,8 @@ std::vector<IntegrityRow> MeasureIntegrity(const IntegritySpec& spec) {
     for (const double level : levels) rows.push_back(AtLevel(measurement, spec, level));
     return rows;
   }
-  const OfWrongBits wrong = MeasureWrongBits(measurement, spec.frames_count);
-  for (const double level : levels)
-    rows.push_back(AtBitErrorRate(level, static_cast<std::int64_t>(measurement.bits_count()), wrong,
-                                  measurement.kind()));
+  const BitErrors bit_errors(measurement, spec);
+  for (const double level : levels) rows.push_back(bit_errors.At(level));
   return rows;
 }
 

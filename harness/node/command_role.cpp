@@ -12,6 +12,7 @@
 #include "harness/node/roles.h"
 #include "harness/process/orphans.h"
 #include "harness/run/client_parameters.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -62,7 +63,7 @@ class CommandRole final : public Role {
                         {"TILTPROOF_BAUD", baud},
                         {"TILTPROOF_REFERENCE_BAUD", std::to_string(scenario_.link.reference_port_baud())},
                         {"TILTPROOF_FIRMWARE", scenario_.firmware},
-                        {"TILTPROOF_DIALECT", scenario_.link.protocol->name},
+                        {"TILTPROOF_DIALECT", DialectOf(*scenario_.link.protocol)},
                         {"TILTPROOF_PARAMETERS", parameters_}};
     spec.guard_group = true;
     AdoptOrphans();
@@ -86,15 +87,16 @@ class CommandRole final : public Role {
   void Flush() override {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
-      services_.log().Write(
-          {log_origin_.SimulationTime(line.time_ns), kClient, record::FirmwareText{std::move(line.text)}});
+      services_.log().Write({log_origin_.SimulationTime(line.time_ns), kOnlyClient,
+                             record::FirmwareText{std::move(line.text)}});
   }
 
   void Stop() override {
     if (process_) process_->ReadAll();
     Flush();
     if (use_)
-      services_.log().Write({0, kClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
+      services_.log().Write(
+          {0, kOnlyClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
     use_.reset();
     watch_.reset();
     process_.reset();

@@ -31,6 +31,14 @@ constexpr std::size_t kRoundTripSampleCount = 50;
 constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
 constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
 
+// Length of the shortest actuator message, in bytes.
+std::size_t ShortestCommand(const link::Protocol& protocol) {
+  std::size_t least = link::kPayloadBytesMax;
+  for (const link::MessageType& type : protocol.messages)
+    if (type.kind == link::MessageKind::kActuators) least = std::min(least, type.payload_bytes);
+  return least;
+}
+
 class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
@@ -61,10 +69,10 @@ class LinkRole final : public Role {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
     }
-    line_.emplace(scenario_, round_trips_, kClient, !hardware, true);
+    line_.emplace(scenario_, round_trips_, kOnlyClient, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
-    actuators_bytes_ = scenario_.link.protocol->Find(link::MessageKind::kActuators)->payload_bytes;
+    actuators_bytes_ = ShortestCommand(*scenario_.link.protocol);
     return ports;
   }
 
@@ -148,7 +156,8 @@ class LinkRole final : public Role {
       end.socket_name = device;
       ports.push_back({name, device});
     } else if (!device.empty()) {
-      end.serial = std::make_unique<link::SerialPort>(services_.loop(), device, baud);
+      end.serial =
+          std::make_unique<link::SerialPort>(services_.loop(), device, baud, scenario_.link.character);
       end.line = end.serial.get();
       ports.push_back({name, device});
       const auto latency = end.serial->SetLowLatency();
@@ -209,8 +218,10 @@ class LinkRole final : public Role {
   void OnReferences() {
     for (const auto& reference : references_.Take()) {
       if (!armed_ || reference.run_id != services_.run_id()) continue;
-      if (const auto point = FromRow(reference.values))
-        Transmit(Direction::kReference, framer_->Frame(*point));
+      const auto point = FromRow(reference.values);
+      if (!point) continue;
+      if (const auto frame = framer_->Frame(*point, Now()); !frame.empty())
+        Transmit(Direction::kReference, frame);
     }
   }
 
@@ -253,7 +264,7 @@ class LinkRole final : public Role {
           bytes = bytes.first(deaf_[static_cast<std::size_t>(direction)].Keeps(
               line_->origin().SimulationTime(piece->arrival_ns), bytes.size()));
         if (port != nullptr && !bytes.empty()) port->Write(bytes);
-        if (direction == Direction::kToPlant) asked_plant_ns_ = now;
+        if (piece->message != nullptr && !piece->message->type->reply.empty()) asked_plant_ns_ = now;
       }
       next = std::min(next, NextHandOver(direction, now));
     }
@@ -279,7 +290,7 @@ class LinkRole final : public Role {
     if (!line_->origin().known()) return;
     for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
-      services_.log().Write({next_sample_ns_, kClient, record::Counters{line_->counts()}});
+      services_.log().Write({next_sample_ns_, kOnlyClient, record::Counters{line_->counts()}});
   }
 
   void JudgeRoundTrip() {
@@ -334,7 +345,7 @@ class LinkRole final : public Role {
   bool armed_ = false;
   // When the plant got the last bytes that it has not answered yet.
   BootTime asked_plant_ns_ = BootTime::Never();
-  std::size_t actuators_bytes_ = 0;  // of the message that carries them
+  std::size_t actuators_bytes_ = 0;  // of the shortest message that carries them
   TimeNs next_sample_ns_ = 0;
   bool client_is_library_ = false, client_is_emulator_ = false;
   bool client_takes_bytes_ = false;  // one at a time

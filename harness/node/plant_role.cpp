@@ -6,13 +6,13 @@
 namespace tiltproof::harness {
 namespace {
 
-// The plant is stepped between two requests of the client, which come just after a boundary of the grid of control periods.
-constexpr TimeNs kTickPeriodNs = 4 * kNsPerMs;
-constexpr TimeNs kTickOffsetNs = 2 * kNsPerMs;
+// The plant is stepped at least so often, in equal parts of the control period.
+constexpr TimeNs kTickPeriodMaxNs = 4 * kNsPerMs;
 
 class PlantRole final : public Role {
  public:
-  explicit PlantRole(NodeServices& services) : services_(services), states_(services.bus()) {}
+  explicit PlantRole(NodeServices& services)
+      : services_(services), states_(services.bus()), send_timer_(services.loop()) {}
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     loaded_ = loaded;
@@ -23,14 +23,15 @@ class PlantRole final : public Role {
 
   void Arm(const Ports& ports) override {
     port_ = std::make_unique<link::SerialPort>(services_.loop(), FindPort(ports, "plant"),
-                                               loaded_.scenario.link.port_baud());
+                                               loaded_.scenario.link.port_baud(),
+                                               loaded_.scenario.link.character);
     port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
                  });
   }
 
-  void Start() override {}
+  void Start() override { SendOwn(services_.clock().Now()); }
   std::optional<TimeNs> DoneUntil(const faults::FaultType& type) override {
     if (!type.IsOneOf<faults::SensorKind, faults::ActuatorKind, faults::PlantKind>()) return std::nullopt;
     return server_->state().reached_ns;
@@ -42,6 +43,7 @@ class PlantRole final : public Role {
 
   void Stop() override {
     timer_.reset();
+    send_timer_.cancel();
     port_.reset();
     server_->WriteTotals();
   }
@@ -66,16 +68,37 @@ class PlantRole final : public Role {
     const Origin origin = server_->state().origin;
     services_.lateness().origin = origin;
     services_.SetPhase(dds::Phase::kRunning, 0, origin, EndReason::kCompleted, "");
-    timer_.emplace(services_, origin.ToBootTime(kTickOffsetNs), kTickPeriodNs,
-                   [this](BootTime due) { Tick(due); });
+    // Between two requests of the client, which come just after a boundary of the grid of control periods.
+    const TimeNs period_ns = loaded_.scenario.link.protocol->control_period_ns;
+    ticks_per_period_ = (period_ns + kTickPeriodMaxNs - 1) / kTickPeriodMaxNs;
+    const TimeNs tick_ns = period_ns / ticks_per_period_;
+    timer_.emplace(services_, origin.ToBootTime(tick_ns / 2), tick_ns, [this](BootTime due) { Tick(due); });
+    SendOwn(now);
     Publish(origin.boot_time());
+  }
+
+  // Sends what the server sends by itself, and comes back for the next.
+  void SendOwn(BootTime now) {
+    if (finished_ || server_->state().next_send_ns == BootTime::Never()) return;
+    Advance(now);
+    if (finished_) return;
+    server_->SendOwn(
+        now, [this](std::size_t /*client*/, std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    const BootTime due = server_->state().next_send_ns;
+    send_timer_.expires_at(services_.clock().ToSteady(due));
+    send_timer_.async_wait(
+        [this, due, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+          if (error || alive.expired()) return;
+          const BootTime late = services_.clock().Now();
+          services_.lateness().Note(due, late);
+          SendOwn(late);
+        });
   }
 
   void Tick(BootTime now) {
     Advance(now);
     server_->PollEvents();  // in real time only the plant's own faults wait, and they have heard it
-    if (++tick_count_ % (loaded_.scenario.link.protocol->control_period_ns / kTickPeriodNs) == 1)
-      Publish(now);
+    if (tick_count_++ % ticks_per_period_ == 0) Publish(now);
   }
 
   void Advance(BootTime now) {
@@ -109,7 +132,9 @@ class PlantRole final : public Role {
   std::optional<MessageReceiver> receiver_;
   std::unique_ptr<link::SerialPort> port_;
   std::optional<PeriodicTimer> timer_;
-  std::int64_t tick_count_ = 0;
+  boost::asio::steady_timer send_timer_;  // of what the server sends by itself
+  std::shared_ptr<char> alive_ = std::make_shared<char>();
+  std::int64_t tick_count_ = 0, ticks_per_period_ = 1;
   std::int64_t sequence_ = 0;
   bool finished_ = false;
 };

@@ -30,7 +30,8 @@ class ReferenceSender {
 
   void Send(TimeNs time_ns, const ReferencePoint& reference) {
     if (port_) {
-      port_->Write(framer_->Frame(reference));
+      if (const auto frame = framer_->Frame(reference, services_.clock().Now()); !frame.empty())
+        port_->Write(frame);
       return;
     }
     dds::Reference out;

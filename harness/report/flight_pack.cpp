@@ -93,14 +93,50 @@ Json ScenarioJson(const Scenario& scenario) {
   return json;
 }
 
+// Empty for a thrust in newton.
+std::string_view TextOf(link::ThrustUnit unit) {
+  switch (unit) {
+    case link::ThrustUnit::kNewton:
+      return "";
+    case link::ThrustUnit::kShare:
+      return "share";
+    case link::ThrustUnit::kShareOfSpeed:
+      return "share of speed";
+  }
+  return "";
+}
+
 Json MessagesJson(const link::Protocol& protocol) {
   Json messages = Json::array();
   for (const link::MessageType& type : protocol.messages) {
     Json fields = Json::array();
-    for (const auto& field : type.fields) fields.push_back(field.signal);
-    messages.push_back({{"name", type.name}, {"id", type.id.has_value()}, {"fields", fields}});
+    for (const link::MessageField& field : type.fields)
+      fields.push_back({{"signal", field.signal},
+                        {"type", Name(field.type)},
+                        {"order", Name(field.order)},
+                        {"scale", field.scale},
+                        {"as", TextOf(field.as)},
+                        {"offset", field.offset}});
+    messages.push_back({{"name", type.name}, {"bytes", type.payload_bytes}, {"fields", fields}});
   }
   return messages;
+}
+
+Json FramingJson(const link::Framing& framing) {
+  Json roles = Json::array();
+  for (int i = 0; i <= static_cast<int>(LastOf(link::ByteRole())); ++i)
+    roles.push_back(Name(static_cast<link::ByteRole>(i)));
+  return {{"name", framing.name()},
+          {"check", framing.check() ? std::string(Name(*framing.check())) : ""},
+          {"roles", roles}};
+}
+
+// A digit for each byte of a frame: the place of its role in FramingJson().
+std::string RolesText(const link::Framing& framing, std::span<const std::uint8_t> frame) {
+  std::string text;
+  for (const link::ByteRole role : framing.Roles(frame))
+    text += static_cast<char>('0' + static_cast<int>(role));
+  return text;
 }
 
 std::string Hex(std::span<const std::uint8_t> bytes) { return fmt::format("{:02x}", fmt::join(bytes, "")); }
@@ -128,6 +164,7 @@ Json FrameJson(const FlightView& view, const LineFrame& frame) {
   json["fate"] = Name(frame.fate);
   if (!frame.sent.empty()) {
     json["sent"] = Hex(frame.sent);
+    json["roles"] = RolesText(*protocol.framing, frame.sent);
     PutMeaning(json, protocol, frame.wire.direction, frame.sent);
   }
   if (frame.delivered.empty()) return json;
@@ -266,6 +303,7 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   JsonWriter::Put(json["bands"], view.bands);
   JsonWriter::Put(json["robustness"], view.robustness);
   json["messages"] = MessagesJson(*view.scenario.link.protocol);
+  json["framing"] = FramingJson(*view.scenario.link.protocol->framing);
   Json& ticks = json["ticks"] = Json::array();
   for (const FaultTick& tick : view.ticks) ticks.push_back({tick.fault, tick.time_s, tick.what});
   PutLineErrors(json, view);

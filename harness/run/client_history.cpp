@@ -100,11 +100,12 @@ void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& pro
       if (event.kind == kResetEvent && event.client.value_or(0) == client && event.time_ns > 0)
         signs.push_back({event.time_ns, Sign::kReset, event.text});
   }
+  const link::MessageType& period_message = protocol.PeriodMessage();
   ForEachSentMessage(log.link, client, protocol, [&](TimeNs time_ns, const link::Message& message) {
-    if (!message.type->reply.empty()) own.sent_request_times_ns.push_back(time_ns);
+    if (message.type == &period_message) own.sent_request_times_ns.push_back(time_ns);
     if (!protocol.repeated_start_is_boot) return;
     if (message.type->starts) signs.push_back({time_ns, Sign::kStart, "it sent `start` again"});
-    if (!message.values.empty()) signs.push_back({time_ns, Sign::kActuators, {}});
+    if (message.type->has_signals()) signs.push_back({time_ns, Sign::kActuators, {}});
   });
   std::stable_sort(signs.begin(), signs.end(),
                    [](const Sign& a, const Sign& b) { return a.time_ns < b.time_ns; });

@@ -2,7 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -36,17 +39,77 @@ std::vector<double> HoverStates(const plant::Hover& hover) {
   return row;
 }
 
+std::string SignalText(const std::string& name, const std::string& unit, double hover) {
+  return fmt::format(R"({{"name": {}, "unit": {}, "hover": {}}})", Quoted(name), Quoted(unit), hover);
+}
+
+// Signals of the server's messages, in their order.
 std::string SignalsText(const Scenario& scenario, const plant::VehicleModel& model) {
   const VehicleSignals signals = model.signals();
   const std::vector<double> hover = HoverStates(model.hover);
   std::vector<std::string> items;
-  for (const link::MessageField& field : scenario.link.protocol->Find(link::MessageKind::kReply)->fields) {
-    const auto state = signals.states.Find(field.signal);
-    items.push_back(fmt::format(R"({{"name": {}, "unit": {}, "hover": {}}})", Quoted(field.signal),
-                                Quoted(state ? signals.states[*state].unit : ""),
-                                state && *state < hover.size() ? hover[*state] : 0.0));
+  for (const link::MessageType& type : scenario.link.protocol->messages) {
+    if (type.direction != link::Direction::kToClient) continue;
+    for (const link::MessageField& field : type.fields) {
+      if (field.content != link::FieldContent::kSignal) continue;
+      const auto state = signals.states.Find(field.signal);
+      items.push_back(SignalText(field.signal, state ? signals.states[*state].unit : "",
+                                 state && *state < hover.size() ? hover[*state] : 0.0));
+    }
   }
   return JoinedBy(items);
+}
+
+std::string StatesText(const plant::VehicleModel& model) {
+  const std::vector<double> hover = HoverStates(model.hover);
+  std::vector<std::string> items;
+  for (const Signal& state : model.signals().states)
+    items.push_back(
+        SignalText(state.name, state.unit, items.size() < hover.size() ? hover[items.size()] : 0.0));
+  return JoinedBy(items);
+}
+
+std::string FieldText(const link::MessageField& field) {
+  return fmt::format(
+      R"({{"signal": {}, "type": "{}", "byte_order": "{}", "scale": {}, "min": {}, "max": {}, "as": "{}"}})",
+      Quoted(field.signal), Name(field.type), Name(field.order), field.scale, field.min, field.max,
+      Name(field.as));
+}
+
+std::string MessageText(const link::MessageType& type) {
+  std::vector<std::string> fields;
+  for (const link::MessageField& field : type.fields) fields.push_back(FieldText(field));
+  const std::string id = !type.id ? "null"
+                                  : fmt::format(R"({{"type": "{}", "byte_order": "{}", "bits": {}}})",
+                                                Name(type.id->type), Name(type.id->order), type.id->bits);
+  return fmt::format(
+      "{{\"name\": {}, \"role\": \"{}\", \"from\": \"{}\", \"line\": \"{}\", \"id\": {}, \"reply\": {}, "
+      "\"starts\": {}, \"period_ns\": {},\n   \"fields\": {}}}",
+      Quoted(type.name), Name(type.kind), type.direction == link::Direction::kToPlant ? "client" : "server",
+      type.direction == link::Direction::kReference ? "reference" : "main", id, Quoted(type.reply),
+      type.starts, type.period_ns, JoinedBy(fields));
+}
+
+std::string FramingText(const link::Framing& framing) {
+  std::string text = fmt::format(R"({{"type": "{}", "check": "{}")", framing.name(),
+                                 framing.check() ? Name(*framing.check()) : "");
+  if (framing.name() == "length_prefixed") {
+    const auto sync = framing.special_bytes();
+    const std::size_t length_bytes =
+        framing.Encode(std::array<std::uint8_t, 1>{}).size() - sync.size() - framing.check_bytes() - 1;
+    text += fmt::format(R"(, "sync": [{}], "length": "{}")", fmt::join(sync, ", "),
+                        length_bytes == 2 ? "u16" : "u8");
+  }
+  return text + "}";
+}
+
+std::string ProtocolText(const link::Protocol& protocol) {
+  std::vector<std::string> messages;
+  for (const link::MessageType& type : protocol.messages) messages.push_back(MessageText(type));
+  return fmt::format(
+      "{{\"name\": {}, \"framing\": {}, \"world\": \"{}\", \"body\": \"{}\",\n  \"messages\": {}}}",
+      Quoted(protocol.name), FramingText(*protocol.framing), Name(protocol.world), Name(protocol.body),
+      JoinedBy(messages));
 }
 
 std::string InputsText(const plant::VehicleModel& model) {
@@ -80,6 +143,35 @@ plant::GainMatrix GainOf(const Scenario& scenario, const plant::VehicleModel& mo
   return plant::DesignGain(model, ToSeconds(scenario.link.protocol->control_period_ns));
 }
 
+std::vector<std::string> StatesNotCarried(const link::Protocol& protocol, const VehicleSignals& vehicle) {
+  const auto is_sent = [&](std::string_view signal) {
+    return std::any_of(
+        protocol.messages.begin(), protocol.messages.end(), [&](const link::MessageType& type) {
+          return type.direction == link::Direction::kToClient &&
+                 std::any_of(type.fields.begin(), type.fields.end(),
+                             [&](const link::MessageField& field) { return field.signal == signal; });
+        });
+  };
+  // Signals that together are as good as some states.
+  struct Substitute {
+    std::array<std::string_view, 3> states;
+    std::vector<std::string_view> by;
+  };
+  static const std::array<Substitute, 2> kSubstitutes = {
+      {{{"roll_rad", "pitch_rad", "yaw_rad"},
+        {"quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z"}},
+       {{"wx_rad_s", "wy_rad_s", "wz_rad_s"}, {"gyro_x_rad_s", "gyro_y_rad_s", "gyro_z_rad_s"}}}};
+  std::vector<std::string> missing;
+  for (const Signal& state : vehicle.states) {
+    const bool is_substituted = std::ranges::any_of(kSubstitutes, [&](const Substitute& substitute) {
+      return std::ranges::find(substitute.states, state.name) != substitute.states.end() &&
+             std::ranges::all_of(substitute.by, is_sent);
+    });
+    if (!is_sent(state.name) && !is_substituted) missing.push_back(state.name);
+  }
+  return missing;
+}
+
 std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel& model, std::size_t client) {
   std::string gain = "null";
   try {
@@ -89,10 +181,12 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
   }
   return fmt::format(
       "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
-      " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"inputs\": {},\n \"gain\": {}}}\n",
+      " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"states\": {},\n \"inputs\": {},\n \"gain\": {},\n"
+      " \"protocol\": {}}}\n",
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
-      SignalsText(scenario, model), InputsText(model), gain);
+      SignalsText(scenario, model), StatesText(model), InputsText(model), gain,
+      ProtocolText(*scenario.link.protocol));
 }
 
 }  // namespace tiltproof::harness

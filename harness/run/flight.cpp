@@ -59,6 +59,7 @@ class Conductor {
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
   void ForwardEvents();
   void SendReference(BootTime now);
+  void SendOwn(BootTime now);
   RunLog Finish();
   const AllCounts& Counts();
   void Sample(BootTime now);
@@ -83,6 +84,7 @@ class Conductor {
   record::End end_;
   const bool faults_wait_;                          // for each other, or for conditions
   std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
+  std::vector<std::pair<std::size_t, std::vector<std::uint8_t>>> own_messages_;  // and their clients
   BootTime next_reference_ns_ = BootTime::Never();
   std::optional<TimeNs> sampled_ns_;  // the last time
 };
@@ -126,7 +128,7 @@ RunLog Conductor::Run() {
 
 void Conductor::Conduct() {
   for (BootTime now = BootTime::Earliest();;) {
-    BootTime next = next_reference_ns_;
+    BootTime next = std::min(next_reference_ns_, server_.state().next_send_ns);
     for (const ClientChannel& channel : channels_) next = std::min(next, channel.Next());
     now = std::max(now, next);
     if (EndsBefore(now)) return;
@@ -137,6 +139,7 @@ void Conductor::Conduct() {
     if (over()) return;
     ForwardEvents();
     if (now == next_reference_ns_) SendReference(now);
+    SendOwn(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
     if (started() && !was_started) {
@@ -177,7 +180,7 @@ bool Conductor::EndsBefore(BootTime now) {
 // The plant follows a client that runs ahead of it, but not past what must be served first.
 void Conductor::FollowAhead(const ClientChannel& channel, BootTime to) {
   if (!started() || over()) return;
-  to = std::min(to, channel.line().NextArrival(Direction::kToPlant));
+  to = std::min({to, channel.line().NextArrival(Direction::kToPlant), server_.state().next_send_ns});
   for (const ClientChannel& other : channels_)
     if (&other != &channel) to = std::min(to, other.Next());
   AdvancePlant(to);
@@ -202,15 +205,29 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
     if (was_started || !started()) continue;
     for (ClientChannel& other : channels_) other.line().SetOrigin(origin());
     SendReference(arrival);
+    SendOwn(arrival);
   }
+}
+
+// Sends what the server sends by itself.
+void Conductor::SendOwn(BootTime now) {
+  if (now < server_.state().next_send_ns) return;
+  own_messages_.clear();
+  server_.SendOwn(now, [this](std::size_t client, std::span<const std::uint8_t> frame) {
+    own_messages_.emplace_back(client, std::vector<std::uint8_t>(frame.begin(), frame.end()));
+  });
+  ForwardEvents();  // before the messages go
+  for (const auto& [client, frame] : own_messages_)
+    channels_[client].line().Transmit(Direction::kToClient, now, frame);
+  ForwardEvents();
 }
 
 // Nothing that is not on its way yet can reach the client before this time. A client with its own processor
 // comes back at least every period.
 BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
-  BootTime horizon =
-      std::min({next_reference_ns_, channel.line().NextArrival(Direction::kToPlant),
-                now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
+  BootTime horizon = std::min(
+      {next_reference_ns_, server_.state().next_send_ns, channel.line().NextArrival(Direction::kToPlant),
+       now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
   // References begin with the selected client's `start`: before it, the others do not run ahead of that client.
   const ClientChannel& selected = *in_turn_.front();
   if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
@@ -242,8 +259,10 @@ const AllCounts& Conductor::Counts() {
 // The base station follows the simulation's clock (paper, section 2.2, Figure 6).
 void Conductor::SendReference(BootTime now) {
   Check(started(), "references begin with the flight");
-  const std::vector<std::uint8_t> frame = references_.Frame(trajectory_.At(origin().SimulationTime(now)));
-  for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame);
+  const std::vector<std::uint8_t> frame =
+      references_.Frame(trajectory_.At(origin().SimulationTime(now)), now);
+  if (!frame.empty())
+    for (ClientChannel& channel : channels_) channel.line().Transmit(Direction::kReference, now, frame);
   ForwardEvents();
   next_reference_ns_ = now + scenario_.link.protocol->control_period_ns;
   if (options_.progress_ns != nullptr)
@@ -312,8 +331,8 @@ bool IsOnWire(const faults::FaultSpec& fault) {
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
   return {.firmware = scenario.firmware_of(client),
           .protocol = scenario.link.protocol,
-          .lines = {.main_baud = MainBaud(scenario.link),
-                    .reference_baud = ReferenceBaud(scenario.link),
+          .lines = {.main = scenario.link.main_rate(),
+                    .reference = scenario.link.reference_rate(),
                     .faulty = std::any_of(scenario.faults.begin(), scenario.faults.end(), IsOnWire)},
           .start_within_ns = scenario.start_within_ns,
           .watch = scenario.watch};
@@ -324,8 +343,11 @@ TimeNs StartWait(const Scenario& scenario) {
 }
 
 std::string NeverStartedText(const Scenario& scenario) {
-  return "the server accepted no `start` message within " + std::to_string(ToSeconds(StartWait(scenario))) +
-         " s of power-on";
+  const auto& messages = scenario.link.protocol->messages;
+  const auto start = std::find_if(messages.begin(), messages.end(),
+                                  [](const link::MessageType& type) { return type.starts; });
+  return "the server accepted no `" + (start == messages.end() ? "start" : start->name) +
+         "` message within " + std::to_string(ToSeconds(StartWait(scenario))) + " s of power-on";
 }
 
 RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,

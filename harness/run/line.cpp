@@ -15,14 +15,12 @@ constexpr std::size_t kRepliesMax = 50'000;
 
 }  // namespace
 
-std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
-std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : link.reference_baud; }
-
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals, bool grows) {
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
-  faults::FaultSchedule::Place place{.baud = MainBaud(scenario.link),
-                                     .reference_baud = ReferenceBaud(scenario.link)};
+  faults::FaultSchedule::Place place{.baud = scenario.link.main_rate().baud,
+                                     .reference_baud = scenario.link.reference_rate().baud,
+                                     .character = scenario.link.character};
   place.protocol = scenario.link.protocol;
   place.step_ns = scenario.step_ns;
   place.client = id;
@@ -41,10 +39,11 @@ LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t cli
       faults_(ClientFaults(scenario, client, nullptr, grows)),
       wires_{[&] {
         const auto wire = [&](Direction direction, double latency_ms) {
-          const std::int64_t baud =
-              direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
-          link::WireConfig config{.baud = paced ? baud : 0,
-                                  .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)};
+          const link::LineRate rate =
+              direction == Direction::kReference ? scenario.link.reference_rate() : scenario.link.main_rate();
+          link::WireConfig config{.baud = paced ? rate.baud : 0,
+                                  .adapter_latency_ns = FromSeconds(latency_ms * 1e-3),
+                                  .character = rate.character};
           if (scenario.link.adapter && direction != Direction::kReference) {
             config.adapter_latency_ns = FromSeconds(scenario.link.adapter->latency_ms * 1e-3);
             config.adapter_bytes_count = scenario.link.adapter->bytes_count;
@@ -81,12 +80,14 @@ LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t cli
                         records_.WriteBytes(at, direction, ByteSide::kPassedOn, bytes);
                       }});
   }
-  At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
-    // The authors' server answers before t = 0 too; that is not timed.
-    if (!origin_.known() || requested_ns_ == BootTime::Never()) return;
-    if (replies_.size() == kRepliesMax) replies_.pop_front();
-    replies_.push_back({name, requested_ns_});
-  });
+  At(ends_, Direction::kToClient)
+      .SetOnSentFrame([this](const ReceivingEnd::FrameName& name, link::MessageKind kind) {
+        // The authors' server answers before t = 0 too; that is not timed.
+        if (kind != link::MessageKind::kReply || !origin_.known() || requested_ns_ == BootTime::Never())
+          return;
+        if (replies_.size() == kRepliesMax) replies_.pop_front();
+        replies_.push_back({name, requested_ns_});
+      });
 }
 
 void LocalLine::Add(const faults::FaultSpec& fault) {
@@ -134,10 +135,10 @@ BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, d
 
 std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime until) {
   const auto taken = At(wires_, direction).TakePiece(until);
-  SendBack(direction, until);  // bytes that no flag closed
+  SendBack(direction, until);  // bytes that end no frame
   NoteOverfull(direction);
   if (!taken) return std::nullopt;
-  Piece piece{taken->arrival_ns, taken->bytes};
+  Piece piece{taken->arrival_ns, taken->bytes, nullptr, taken->parity_errors};
   At(ends_, direction)
       .Receive(
           *taken,
@@ -146,7 +147,7 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime un
               OnClientMessage(piece.arrival_ns, message);
               piece.message = &message;
             }
-            if (direction == Direction::kToClient) OnReply(piece.arrival_ns, name);
+            if (direction == Direction::kToClient) OnServerMessage(piece.arrival_ns, name, message);
           },
           [&](std::string_view reason) {
             if (auto event =
@@ -164,10 +165,18 @@ void LocalLine::SetOrigin(Origin origin) {
 
 void LocalLine::OnClientMessage(BootTime arrival, const link::Message& message) {
   if (!message.type->reply.empty()) requested_ns_ = arrival;
-  if (!message.values.empty() && replied_ns_ != BootTime::Never()) {
+  if (message.type->has_signals() && replied_ns_ != BootTime::Never()) {
     records_.Write(arrival, record::Answer{arrival - replied_ns_});
     replied_ns_ = BootTime::Never();
   }
+}
+
+// Without requests, the client answers what the server sends once in each period or more often.
+void LocalLine::OnServerMessage(BootTime arrival, const ReceivingEnd::FrameName& name,
+                                const link::Message& message) {
+  if (!protocol_->streams()) return OnReply(arrival, name);
+  const TimeNs period_ns = message.type->period_ns;
+  if (origin_.known() && period_ns > 0 && period_ns <= protocol_->control_period_ns) replied_ns_ = arrival;
 }
 
 // Late, repeated and lost replies are distinguished by the number of their frame, whatever their content. A

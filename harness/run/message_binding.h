@@ -1,16 +1,28 @@
-// Maps the values of a message to their places in a row of signals. Names are looked up once, when a flight
-// is loaded.
+// Maps the values of a message to a row of signals and back: units, axes, quaternions. Names are looked up once, when a
+// flight is loaded.
 //
-//   const MessageBinding sensors(*protocol.Find("sensors"), vehicle.sensors);
+//   const MessageBinding sensors(protocol, *protocol.Find("sensors"), vehicle.sensors, scenario.angular_rates);
 //   protocol.Encode(sensors.type(), sensors.Values(row));
+//
+// Signals are in the axes of the vehicle: x east, y north, z up, and x forward, y left, z up. A protocol may have them
+// in others (link::WorldAxes, link::BodyAxes). With R the attitude of the body in the world, T and B the rotations to
+// the protocol's axes, a message carries T v, B v and the angles and the quaternion of T R B^T:
+//
+//   vectors of the world  north, east, down     positions, velocities, angular rates about the world's axes
+//   vectors of the body   forward, right, down  acc, gyro, mag, angular rates about the body's axes
+//   angles                roll, -pitch, pi/2 - yaw in NED and FRD; in one of the two alone, roll + pi
+//
+// Angles that change are within (-pi, pi]. Quaternions are w, x, y, z with w >= 0, and turn a vector of the body into the
+// world. Angles of servos, torques and GNSS readings do not change.
 #pragma once
 
 #include <cstddef>
 #include <span>
-#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "harness/scenario/scenario.h"
 #include "link/protocol.h"
 #include "link/signal_table.h"
 
@@ -18,41 +30,46 @@ namespace tiltproof::harness {
 
 class MessageBinding {
  public:
-  // Throws std::invalid_argument for a field whose signal is not in the table. `type` must outlive it.
-  MessageBinding(const link::MessageType& type, const SignalTable& signals) : type_(&type) {
-    for (const link::MessageField& field : type.fields) {
-      const auto place = signals.Find(field.signal);
-      if (!place)
-        throw std::invalid_argument("message '" + type.name + "' carries the signal '" + field.signal +
-                                    "', which this vehicle does not have");
-      places_.push_back(*place);
-    }
-  }
+  // `rates`: the frame of wx_rad_s, wy_rad_s and wz_rad_s in rows of the table. Throws std::invalid_argument for a field
+  // that the table has no value for. `type` must outlive it.
+  MessageBinding(const link::Protocol& protocol, const link::MessageType& type, const SignalTable& signals,
+                 AngularRates rates = AngularRates::kWorld);
 
   const link::MessageType& type() const { return *type_; }
 
-  // The message's values, taken from a row.
-  template <class Number>
-  std::vector<double> Values(std::span<const Number> row) const {
-    std::vector<double> values;
-    for (const std::size_t place : places_) values.push_back(static_cast<double>(row[place]));
-    return values;
-  }
-  // Writes the message's values into a row. Signals that the message does not carry stay unchanged.
-  void Put(std::span<const double> values, std::span<double> row) const {
-    for (std::size_t i = 0; i < places_.size(); ++i) row[places_[i]] = values[i];
-  }
+  // The message's values, taken from a row. Numbers and times of messages (harness/run/message_order.h) are 0.
+  std::vector<double> Values(std::span<const double> row) const;
+  // Writes the values of an actuator message into a row of inputs. Inputs that it does not carry stay unchanged.
+  void Put(std::span<const double> values, std::span<double> row) const;
+
+  // A field's value is factor * row[place] + offset, or is computed as `how` says.
+  struct Part {
+    enum class How : std::uint8_t {
+      kCopy,
+      kLinear,
+      kAngle,
+      kQuaternion,
+      kShareOfSpeed,
+      kStamp
+    } how = How::kCopy;
+    std::size_t place = 0;  // kQuaternion: of w, x, y, z
+    double factor = 1.0, offset = 0.0;
+  };
 
  private:
   const link::MessageType* type_;
-  std::vector<std::size_t> places_;
+  std::vector<Part> parts_;
+  std::vector<Part> attitude_;  // roll, pitch, yaw; empty: the message has no quaternion
 };
 
 // The table of the vehicle, or of the reference, whose signals the message carries.
 const SignalTable& TableOf(const link::MessageType& type, const VehicleSignals& vehicle);
 
-// The reason that the protocol does not suit the vehicle: a message carries a signal that the vehicle does not have, or
-// no actuator message carries one of its inputs. Empty when the protocol suits it.
-std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle);
+// The reason that the protocol does not suit the vehicle: a message carries what the vehicle does not have, or the
+// actuator messages together lack one of its inputs. Empty when the protocol suits it. Then `field` stays null; else it
+// becomes the first field that the vehicle cannot fill, with its message, if there is one.
+using ProtocolField = std::pair<const link::MessageType*, const link::MessageField*>;
+std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle,
+                               ProtocolField* field = nullptr);
 
 }  // namespace tiltproof::harness

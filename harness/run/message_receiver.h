@@ -10,6 +10,7 @@
 #include <span>
 #include <string_view>
 
+#include "harness/run/message_order.h"
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
@@ -18,7 +19,10 @@ class MessageReceiver {
  public:
   // `protocol` must outlive it.
   MessageReceiver(const link::Protocol& protocol, link::Direction direction)
-      : protocol_(&protocol), direction_(direction), reader_(protocol.framing->MakeReader()) {}
+      : protocol_(&protocol),
+        direction_(direction),
+        reader_(protocol.framing->MakeReader()),
+        order_(protocol) {}
 
   // A frame that has ended, or bytes that are none.
   struct Frame {
@@ -56,7 +60,8 @@ class MessageReceiver {
   }
   Frame Check(const link::FrameReading& read) {
     if (!read.ok) return {number_, read.status, {}, nullptr};
-    const link::MessageStatus status = protocol_->Decode(direction_, read.payload, message_);
+    link::MessageStatus status = protocol_->Decode(direction_, read.payload, message_);
+    if (status == link::MessageStatus::kOk && !order_.Takes(message_)) status = link::MessageStatus::kStale;
     if (status != link::MessageStatus::kOk) return {number_, Name(status), read.payload, nullptr};
     return {number_, {}, read.payload, &message_};
   }
@@ -64,6 +69,7 @@ class MessageReceiver {
   const link::Protocol* protocol_;
   link::Direction direction_;
   std::unique_ptr<link::FrameReader> reader_;
+  MessageOrder order_;
   std::uint64_t number_ = 0;
   link::Message message_;
 };

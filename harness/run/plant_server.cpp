@@ -50,6 +50,14 @@ plant::PlantOptions OptionsOf(const Scenario& scenario, const VehicleSignals& si
   return options;
 }
 
+// A client whose first command is t = 0 needs the sensors before.
+bool AnswersBeforeStart(const link::Protocol& protocol) {
+  return protocol.answers_before_start ||
+         std::any_of(protocol.messages.begin(), protocol.messages.end(), [](const link::MessageType& type) {
+           return type.starts && type.kind == link::MessageKind::kActuators;
+         });
+}
+
 std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(column); }
 
 }  // namespace
@@ -67,6 +75,8 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
               {.signals = signals_, .step_ns = scenario.step_ns, .grows = grows}),
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
+      period_message_(protocol_.PeriodMessage()),
+      answers_early_(AnswersBeforeStart(protocol_)),
       arbiter_(scenario),
       sink_(sink),
       hover_input_(model.HoverInput()),
@@ -76,12 +86,16 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       faulted_(hover_input_),
       in_force_(hover_input_) {
   for (const link::MessageType& type : protocol_.messages)
-    bindings_.emplace_back(type, TableOf(type, signals_));
+    bindings_.emplace_back(protocol_, type, TableOf(type, signals_), scenario.angular_rates);
+  for (const MessageBinding& binding : bindings_)
+    if (binding.type().period_ns > 0) own_messages_.push_back({&binding});
   PlaceAtStart(scenario, plant_);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
     clients_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
                         .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
-                        .asked = std::vector<double>(signals_.inputs.size(), kNothingYet)});
+                        .asked = std::vector<double>(signals_.inputs.size(), kNothingYet),
+                        .stamps = MessageStamps(protocol_)});
+  if (answers_early_) BeginSending(BootTime());
 }
 
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
@@ -96,10 +110,9 @@ const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type)
 void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link::Message& message,
                                const Reply& reply) {
   if (message.type->starts) OnStart(client, arrival, message);
-  if (!state_.started() && !protocol_.answers_before_start) return;
-  if (!message.type->reply.empty())
-    AnswerSensorRequest(client, arrival, *protocol_.Find(message.type->reply), reply);
-  if (!message.values.empty() && state_.started()) AcceptInput(client, arrival, message);
+  if (!state_.started() && !answers_early_) return;
+  if (!message.type->reply.empty()) AnswerSensorRequest(client, arrival, *message.type, reply);
+  if (message.type->has_signals() && state_.started()) AcceptInput(client, arrival, message);
 }
 
 void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link::Message& message) {
@@ -112,6 +125,7 @@ void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link:
     boundary_ns_ = state_.quiet_until_ns = arrival;
     faults_.SetOrigin(state_.origin);
     for (ClientPart& own : clients_) own.faults.SetOrigin(state_.origin);
+    if (state_.next_send_ns == BootTime::Never()) BeginSending(arrival);
     AddEvent(0, "start_accepted", "t = 0");
     NoteActivations();
     LookAtConditions();
@@ -124,21 +138,55 @@ void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link:
 }
 
 void LocalPlantServer::AnswerSensorRequest(std::size_t client, BootTime arrival,
-                                           const link::MessageType& answer, const Reply& reply) {
+                                           const link::MessageType& request, const Reply& reply) {
+  SampleFor(client, arrival);
+  reply(FrameFor(client, arrival, BindingOf(*protocol_.Find(request.reply))));
+  if (state_.started() && &request == &period_message_)
+    sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
+}
+
+// Reads the client's sensors, with their faults.
+void LocalPlantServer::SampleFor(std::size_t client, BootTime now) {
   const TimeNs sampled = state_.started() ? SimTime(boundary_ns_) : kPowerOn;
   plant_.ReadSensors(readings_, FrameOf(scenario_.angular_rates));
   sent_ = readings_;
   ClientPart& own = clients_[client];
-  own.faults.EditSensors(sampled, sent_, arrival);
+  own.faults.EditSensors(sampled, sent_, now);
   NoteActivations();
   own.sensed = sent_;
-  reply(protocol_.framing->Encode(protocol_.Encode(answer, BindingOf(answer).Values<double>(sent_)).span()));
-  if (state_.started())
-    sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kRequest}});
+}
+
+std::vector<std::uint8_t> LocalPlantServer::FrameFor(std::size_t client, BootTime now,
+                                                     const MessageBinding& message) {
+  std::vector<double> values = message.Values(clients_[client].sensed);
+  clients_[client].stamps.Write(message.type(), now, values);
+  return protocol_.framing->Encode(protocol_.Encode(message.type(), values).span());
+}
+
+void LocalPlantServer::BeginSending(BootTime now) {
+  for (OwnMessage& message : own_messages_) state_.next_send_ns = message.next_ns = now;
+}
+
+void LocalPlantServer::SendOwn(BootTime now, const SendTo& send) {
+  if (now < state_.next_send_ns) return;
+  for (std::size_t client = 0; client < clients_.size(); ++client) {
+    SampleFor(client, now);
+    for (const OwnMessage& message : own_messages_)
+      if (message.next_ns <= now) send(client, FrameFor(client, now, *message.binding));
+  }
+  state_.next_send_ns = BootTime::Never();
+  for (OwnMessage& message : own_messages_) {
+    const TimeNs period_ns = message.binding->type().period_ns;
+    if (message.next_ns <= now) message.next_ns += ((now - message.next_ns) / period_ns + 1) * period_ns;
+    state_.next_send_ns = std::min(state_.next_send_ns, message.next_ns);
+  }
 }
 
 void LocalPlantServer::AcceptInput(std::size_t client, BootTime arrival, const link::Message& message) {
-  sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});
+  // The first of several actuator messages counts the client's commands.
+  if (message.type->kind != link::MessageKind::kActuators ||
+      message.type == protocol_.Find(link::MessageKind::kActuators))
+    sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});
   BindingOf(*message.type).Put(message.values, clients_[client].asked);
   if (!arbiter_.Takes(client)) return;
   BindingOf(*message.type).Put(message.values, commanded_);

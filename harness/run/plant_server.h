@@ -7,9 +7,12 @@
 //   request arrives -> plant state -> sensor faults -> message -> frame  (sent back at once)
 //   actuators arrive -> actuator faults -> limits, lag of rotors -> input in force from the next boundary -> row
 //
-// The sensors are the state at the last step boundary at or before the arrival of the request's last byte. An
-// accepted actuator message takes effect at the first step boundary at or after the arrival of its last byte,
-// and holds. Before the first one, the model's hover input holds. The plant does not move until the server
+// A protocol may let the server send by itself: each message every period, from t = 0 on, or from power-on where it
+// answers before t = 0, or where the first command is t = 0. From then on the times do not shift.
+//
+// The sensors are the state at the last step boundary at or before the arrival of the request's last byte, or the time
+// at which the server sends by itself. An accepted actuator message takes effect at the first step boundary at or after
+// the arrival of its last byte, and holds. Before the first one, the model's hover input holds. The plant does not move until the server
 // accepts the protocol's message that starts: that is t = 0. A vehicle that is held (Scenario::held) does not move
 // afterwards, either; time, sensors, inputs and rows go on.
 //
@@ -36,6 +39,7 @@
 #include "harness/run/fault_conditions.h"
 #include "harness/run/line.h"
 #include "harness/run/message_binding.h"
+#include "harness/run/message_order.h"
 #include "harness/run/message_receiver.h"
 #include "harness/run/record.h"
 #include "harness/run/run_log.h"
@@ -51,16 +55,18 @@ class PlantServer {
  public:
   // One frame to send back at once.
   using Reply = std::function<void(std::span<const std::uint8_t> frame)>;
+  using SendTo = std::function<void(std::size_t client, std::span<const std::uint8_t> frame)>;
 
   struct State {
     Origin origin;
     TimeNs reached_ns = 0;                         // simulation time of the last step boundary
     BootTime quiet_until_ns = BootTime::Never();   // until then Advance() has nothing to do
     bool over = false;                             // the vehicle is lost: it diverged or struck the ground
+    BootTime next_send_ns = BootTime::Never();     // when the server sends by itself
     EndReason end_reason = EndReason::kCompleted;  // why it is over
     std::string end_text;
     bool started() const { return origin.known(); }
-    TILTPROOF_FIELDS(origin, reached_ns, quiet_until_ns, over, end_reason, end_text)
+    TILTPROOF_FIELDS(origin, reached_ns, quiet_until_ns, over, next_send_ns, end_reason, end_text)
   };
 
   virtual ~PlantServer() = default;
@@ -70,6 +76,9 @@ class PlantServer {
   // A client's message whose last byte arrived at `arrival`. The plant has been advanced to that time.
   virtual void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                        const Reply& reply) = 0;
+  // Sends what the server sends by itself at `now`, next_send_ns or later: for each client in order, the messages in the
+  // order of the protocol. The plant has been advanced to that time. Times that were missed are left out.
+  virtual void SendOwn(BootTime now, const SendTo& send) = 0;
   // Ends the flight at `end`, on the grid or not: writes the last row. Not to be called after it is over.
   virtual void Finish(BootTime end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
@@ -93,6 +102,7 @@ class LocalPlantServer final : public PlantServer {
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                const Reply& reply) override;
+  void SendOwn(BootTime now, const SendTo& send) override;
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }
@@ -110,12 +120,21 @@ class LocalPlantServer final : public PlantServer {
   struct ClientPart {
     faults::FaultSchedule faults;       // on the samples sent to this client
     std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before
+    MessageStamps stamps;               // of the messages sent to it
     std::int64_t starts_accepted_count = 0;
+  };
+  // A message that the server sends by itself.
+  struct OwnMessage {
+    const MessageBinding* binding = nullptr;
+    BootTime next_ns = BootTime::Never();
   };
 
   void OnStart(std::size_t client, BootTime arrival, const link::Message& message);
-  void AnswerSensorRequest(std::size_t client, BootTime arrival, const link::MessageType& answer,
+  void AnswerSensorRequest(std::size_t client, BootTime arrival, const link::MessageType& request,
                            const Reply& reply);
+  void SampleFor(std::size_t client, BootTime now);
+  std::vector<std::uint8_t> FrameFor(std::size_t client, BootTime now, const MessageBinding& message);
+  void BeginSending(BootTime now);
   const MessageBinding& BindingOf(const link::MessageType& type) const;
   void AcceptInput(std::size_t client, BootTime arrival, const link::Message& message);
   void PutInputInForce();
@@ -138,7 +157,10 @@ class LocalPlantServer final : public PlantServer {
   FaultConditions conditions_;
   std::vector<faults::FaultEvent> news_;
   const link::Protocol& protocol_;
+  const link::MessageType& period_message_;
+  const bool answers_early_;
   std::vector<MessageBinding> bindings_;  // one per message of the protocol
+  std::vector<OwnMessage> own_messages_;
   OriginFinder origin_;
   Arbiter arbiter_;
   std::vector<ClientPart> clients_;  // one for each client

@@ -18,7 +18,8 @@ namespace {
 
 using link::Direction;
 
-// In the order in which they follow each other where no byte takes time.
+// kRequest is the client's message of each period (link::Protocol::PeriodMessage()), and with it a command of a protocol
+// whose server sends by itself. In the order in which they follow each other where no byte takes time.
 enum class Kind : std::uint8_t {
   kStart,
   kRequest,
@@ -42,13 +43,12 @@ struct RejectedFrame {
 // Calls on_frame(record of its last chunk, end of that, frame) for each frame of one direction, on one side of the faults.
 template <class OnFrame>
 void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::Protocol& protocol,
-                  std::int64_t baud, const OnFrame& on_frame) {
+                  const link::LineRate& rate, const OnFrame& on_frame) {
   MessageReceiver receiver(protocol, wire.direction);
   std::size_t offset = 0;
   while (const auto record = link.Next(offset)) {
     if (record->delivered != delivered || record->wire != wire) continue;
-    const TimeNs end_ns =
-        record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
+    const TimeNs end_ns = record->begin_ns + rate.BytesTime(static_cast<std::int64_t>(record->bytes.size()));
     receiver.ReceiveFrames(0, record->bytes,
                            [&](const MessageReceiver::Frame& frame) { on_frame(*record, end_ns, frame); });
   }
@@ -56,7 +56,8 @@ void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::
 
 // Replies, whatever their values, in bytes that are sent in one go. A receiver may know from the pauses where a frame
 // begins and ends, and need no flag.
-std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Protocol& protocol) {
+std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Protocol& protocol,
+                          const link::MessageType& reply) {
   const std::optional<std::uint8_t> flag = protocol.framing->flag();
   std::vector<std::uint8_t> alone;
   if (flag) alone.push_back(*flag);
@@ -65,7 +66,7 @@ std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Proto
   std::int64_t count = 0;
   MessageReceiver(protocol, Direction::kToClient)
       .ReceiveFrames(0, alone, [&](const MessageReceiver::Frame& frame) {
-        count += protocol.Classify(Direction::kToClient, frame.payload) != nullptr ? 1 : 0;
+        count += protocol.Classify(Direction::kToClient, frame.payload) == &reply ? 1 : 0;
       });
   return count;
 }
@@ -73,20 +74,21 @@ std::int64_t RepliesAlone(std::span<const std::uint8_t> bytes, const link::Proto
 // Number of replies that some receiver may find, where the usual one finds `count` of them. Many decoders take an
 // escape behind an escape for the same one.
 std::int64_t PossibleReplies(std::int64_t count, std::span<const std::uint8_t> bytes,
-                             const link::Protocol& protocol) {
+                             const link::Protocol& protocol, const link::MessageType& reply) {
   const std::optional<std::uint8_t> escape = protocol.framing->escape();
   const auto is_double = [&](std::uint8_t a, std::uint8_t b) { return a == escape && b == escape; };
   const bool doubled = std::ranges::adjacent_find(bytes, is_double) != bytes.end();
   if (count > 0 && !doubled) return count;
-  count = std::max(count, RepliesAlone(bytes, protocol));
+  count = std::max(count, RepliesAlone(bytes, protocol, reply));
   if (!doubled) return count;
   std::vector<std::uint8_t> single(bytes.begin(), bytes.end());
   single.erase(std::unique(single.begin(), single.end(), is_double), single.end());
-  return std::max(count, RepliesAlone(single, protocol));
+  return std::max(count, RepliesAlone(single, protocol, reply));
 }
 
-// Adds what came to the client.
-void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& protocol, std::int64_t baud,
+// Adds what came to the client: replies to its message of each period.
+void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
+                const link::LineRate& rate, const link::MessageType& reply,
                 std::vector<Happening>& happenings, std::vector<RejectedFrame>& rejected) {
   MessageReceiver receiver(protocol, Direction::kToClient);
   std::span<const std::uint8_t> last_sent;
@@ -97,20 +99,17 @@ void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& p
       last_sent = record->bytes;
       continue;
     }
-    const TimeNs end_ns =
-        record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
+    const TimeNs end_ns = record->begin_ns + rate.BytesTime(static_cast<std::int64_t>(record->bytes.size()));
     bool is_message = false;
     std::int64_t count = 0;
     receiver.ReceiveFrames(0, record->bytes, [&](const MessageReceiver::Frame& frame) {
-      is_message = frame.message != nullptr;
-      if (is_message)
-        happenings.push_back({end_ns, Kind::kReply});
-      else
-        rejected.push_back({record->begin_ns, frame.rejected});
-      if (is_message || protocol.Classify(Direction::kToClient, frame.payload) != nullptr) ++count;
+      is_message = frame.message != nullptr && frame.message->type == &reply;
+      if (is_message) happenings.push_back({end_ns, Kind::kReply});
+      if (frame.message == nullptr) rejected.push_back({record->begin_ns, frame.rejected});
+      if (is_message || protocol.Classify(Direction::kToClient, frame.payload) == &reply) ++count;
     });
     // A frame may end before its record does, and be answered at once.
-    for (count = PossibleReplies(count, record->bytes, protocol); count > 0; --count)
+    for (count = PossibleReplies(count, record->bytes, protocol, reply); count > 0; --count)
       happenings.push_back({record->begin_ns, Kind::kPossibleReply});
     if (!is_message || !std::ranges::equal(record->bytes, last_sent)) continue;
     happenings.push_back({end_ns, Kind::kWholeReply});
@@ -241,7 +240,8 @@ std::vector<TimeNs> TimesOf(const std::vector<Happening>& happenings, Kind kind,
 
 // Without the malformed frames. `begin_ns`: of the client's flight.
 void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, TimeNs begin_ns,
-                 TimeNs period_ns, std::vector<LineMistake>& mistakes) {
+                 const link::Protocol& protocol, std::vector<LineMistake>& mistakes) {
+  const TimeNs period_ns = protocol.control_period_ns;
   const std::vector<TimeNs> requests_ns = TimesOf(happenings, Kind::kRequest, begin_ns);
   if (requests_ns.empty() || requests_ns.front() > begin_ns + kFirstRequestMax)
     AddGap(begin_ns, requests_ns.empty() ? log.end_ns : requests_ns.front(), false, period_ns, mistakes);
@@ -252,6 +252,7 @@ void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, Ti
   if (WentAway(log.end_reason)) end_ns = requests_ns.empty() ? begin_ns : requests_ns.back();
   if (!requests_ns.empty()) AddGap(requests_ns.back(), end_ns, false, period_ns, mistakes);
 
+  if (protocol.streams()) return;  // a period without a command is missing already
   std::size_t unanswered = 0;
   const std::vector<TimeNs> replies_ns = TimesOf(happenings, Kind::kReply, begin_ns);
   const auto answer_until = [&](TimeNs time_ns) {
@@ -320,53 +321,11 @@ void CountExchanges(const std::vector<Happening>& happenings, ProtocolUse& use) 
   }
 }
 
-}  // namespace
-
-void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud) {
-  const LinkLog& link = log.link;
-  ProtocolUse use{.refused_commands = 0};
-  std::vector<Happening> happenings;
-  std::vector<LineMistake> mistakes;
-  TimeNs started_ns = kNever;
-  ForEachFrame(link, {client, Direction::kToPlant}, false, protocol, baud,
-               [&](const LinkRecord& record, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
-                 const TimeNs begin_ns = record.begin_ns;
-                 if (frame.message != nullptr && frame.message->type->starts) {
-                   started_ns = std::min(started_ns, begin_ns);
-                   happenings.push_back({begin_ns, Kind::kStart});
-                 }
-                 if (frame.message == nullptr) {
-                   if (begin_ns >= 0 && started_ns != kNever)
-                     mistakes.push_back({begin_ns, LineMistakeKind::kMalformed, 1,
-                                         Malformed(frame.rejected, record.bytes, mistakes.size())});
-                   const std::int64_t others = use.malformed_sent++ - *use.refused_commands;
-                   const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
-                   const bool is_command = type != nullptr && type->kind == link::MessageKind::kActuators;
-                   if (is_command) happenings.push_back({begin_ns, Kind::kRefusedActuators});
-                   if (!is_command) {
-                     if (others > 0) return;
-                     AddEvent(
-                         log, client, begin_ns, kMalformedSentEvent,
-                         fmt::format("the firmware sent a frame that is not a message: {}", frame.rejected));
-                   } else if ((*use.refused_commands)++ == 0) {
-                     // It is dropped and the command before stays in force, so that nothing else shows it.
-                     AddEvent(log, client, begin_ns, kCommandRefusedEvent,
-                              "the server refused a command: " + ImplausibleField(*type, frame.payload));
-                   }
-                 } else if (!frame.message->type->reply.empty()) {
-                   happenings.push_back({begin_ns, Kind::kRequest});
-                 } else if (frame.message->type->kind == link::MessageKind::kActuators) {
-                   happenings.push_back({begin_ns, Kind::kActuators});
-                 }
-               });
-  std::vector<RejectedFrame> rejected;
-  AddReplies(link, client, protocol, baud, happenings, rejected);
-  std::stable_sort(happenings.begin(), happenings.end(), [](const Happening& a, const Happening& b) {
-    return a.time_ns != b.time_ns ? a.time_ns < b.time_ns : a.kind < b.kind;
-  });
-  use.requests_per_period_max = RequestsPerPeriod(happenings, protocol.control_period_ns);
+// Sets what a protocol with requests has: replies and the commands that answer them.
+void JudgeExchanges(const std::vector<Happening>& happenings, const std::vector<RejectedFrame>& rejected,
+                    TimeNs period_ns, ProtocolUse& use) {
   CountExchanges(happenings, use);
-  ReplyJudge judge(protocol.control_period_ns);
+  ReplyJudge judge(period_ns);
   for (const Happening& happening : happenings) judge.Take(happening);
   if (judge.ignored.count > 0)
     judge.ignored.text =
@@ -376,8 +335,62 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
         "a command without a new reply was sent " + AtAndAfter(judge.unfounded.first_ns, rejected);
   use.replies_ignored = std::move(judge.ignored);
   use.commands_without_reply = std::move(judge.unfounded);
+}
+
+}  // namespace
+
+void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol,
+                    const link::LineRate& rate) {
+  const LinkLog& link = log.link;
+  ProtocolUse use{.refused_commands = 0};
+  std::vector<Happening> happenings;
+  std::vector<LineMistake> mistakes;
+  TimeNs started_ns = kNever;
+  const link::MessageType& period_message = protocol.PeriodMessage();
+  ForEachFrame(
+      link, {client, Direction::kToPlant}, false, protocol, rate,
+      [&](const LinkRecord& record, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
+        const TimeNs begin_ns = record.begin_ns;
+        if (frame.message != nullptr && frame.message->type->starts) {
+          started_ns = std::min(started_ns, begin_ns);
+          happenings.push_back({begin_ns, Kind::kStart});
+        }
+        if (frame.message == nullptr) {
+          if (begin_ns >= 0 && started_ns != kNever)
+            mistakes.push_back({begin_ns, LineMistakeKind::kMalformed, 1,
+                                Malformed(frame.rejected, record.bytes, mistakes.size())});
+          const std::int64_t others = use.malformed_sent++ - *use.refused_commands;
+          const link::MessageType* type = protocol.Classify(Direction::kToPlant, frame.payload);
+          const bool is_command = type != nullptr && type->kind == link::MessageKind::kActuators;
+          if (is_command) happenings.push_back({begin_ns, Kind::kRefusedActuators});
+          if (!is_command) {
+            if (others > 0) return;
+            AddEvent(log, client, begin_ns, kMalformedSentEvent,
+                     fmt::format("the firmware sent a frame that is not a message: {}", frame.rejected));
+          } else if ((*use.refused_commands)++ == 0) {
+            // It is dropped and the command before stays in force, so that nothing else shows it.
+            AddEvent(log, client, begin_ns, kCommandRefusedEvent,
+                     "the server refused a command: " + (frame.rejected == Name(link::MessageStatus::kStale)
+                                                             ? "its number or time is not newer than before"
+                                                             : ImplausibleField(*type, frame.payload)));
+          }
+          return;
+        }
+        if (frame.message->type == &period_message) happenings.push_back({begin_ns, Kind::kRequest});
+        if (frame.message->type->kind == link::MessageKind::kActuators) {
+          happenings.push_back({begin_ns, Kind::kActuators});
+        }
+      });
+  std::vector<RejectedFrame> rejected;
+  if (const link::MessageType* reply = protocol.Find(period_message.reply))
+    AddReplies(link, client, protocol, rate, *reply, happenings, rejected);
+  std::stable_sort(happenings.begin(), happenings.end(), [](const Happening& a, const Happening& b) {
+    return a.time_ns != b.time_ns ? a.time_ns < b.time_ns : a.kind < b.kind;
+  });
+  use.requests_per_period_max = RequestsPerPeriod(happenings, protocol.control_period_ns);
+  if (!protocol.streams()) JudgeExchanges(happenings, rejected, protocol.control_period_ns, use);
   if (started_ns != kNever && log.clients.at(client).starts_accepted_count > 0)
-    AddMistakes(log, happenings, std::max<TimeNs>(started_ns, 0), protocol.control_period_ns, mistakes);
+    AddMistakes(log, happenings, std::max<TimeNs>(started_ns, 0), protocol, mistakes);
   log.clients.at(client).protocol = use;
   log.clients.at(client).line_mistakes = std::move(mistakes);
 }

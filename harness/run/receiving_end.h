@@ -10,6 +10,7 @@
 //          came already
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -40,7 +41,7 @@ class ReceivingEnd {
     friend bool operator==(const FrameName&, const FrameName&) = default;
   };
   // Called with every message as sent; where nothing edits bytes, with every chunk.
-  using OnSentFrame = std::function<void(const FrameName& name)>;
+  using OnSentFrame = std::function<void(const FrameName& name, link::MessageKind kind)>;
   void SetOnSentFrame(OnSentFrame on_sent_frame) { on_sent_frame_ = std::move(on_sent_frame); }
 
   // Taps of the wire.
@@ -52,6 +53,7 @@ class ReceivingEnd {
   // (MessageReceiver::Frame::rejected).
   template <class OnAccepted, class OnRejected>
   void Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted, const OnRejected& on_rejected) {
+    counts_.parity_errors += std::count(piece.parity_errors.begin(), piece.parity_errors.end(), 1);
     receiver_.ReceiveFrames(piece.number, piece.bytes, [&](const MessageReceiver::Frame& frame) {
       if (frame.message == nullptr) {
         CountRejected(piece.arrival_ns);
@@ -73,6 +75,7 @@ class ReceivingEnd {
   FrameName CountAccepted(BootTime arrival, const MessageReceiver::Frame& frame);
   void Audit(std::uint64_t payload_hash);
 
+  const link::Protocol& protocol_;
   bool faulty_;
   OnSentFrame on_sent_frame_;
   MessageReceiver receiver_;

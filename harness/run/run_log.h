@@ -80,9 +80,11 @@ using NodeLateSpan = TimedLateSpan<BootTime>;
 // these are the bytes that differ from the byte sent in their place; in any other frame, the bytes outside
 // the longest common subsequence with the frame as sent. Lost bytes are not delivered, and repeated frames
 // count as they were sent.
+// parity_errors: bytes that arrived with a wrong parity bit.
 struct DirectionCounts {
-  std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
-  TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted)
+  std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0,
+               parity_errors = 0;
+  TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted, parity_errors)
 };
 
 // A mistake that a flight counts, and the first of its kind.
@@ -94,14 +96,15 @@ struct CountedMistake {
   TILTPROOF_FIELDS(count, first_ns, text)
 };
 
-// A client's use of its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it.
+// A client's use of its protocol (docs/criteria.md, protocol.*), whatever the faults on its line make of it. Where the
+// server sends by itself, the first number counts commands, and all that need a request are 0 or absent.
 struct ProtocolUse {
   std::int64_t requests_per_period_max = 0;
   std::int64_t actuators_per_request_max = 0;
   std::int64_t actuators_before_reply = 0;
   std::int64_t replies_unanswered = 0;
   std::int64_t malformed_sent = 0;
-  // None: a log of an older program.
+  // None: a log of an older program; the last two also where the server sends by itself.
   std::optional<std::int64_t> refused_commands = {};
   std::optional<CountedMistake> replies_ignored = {}, commands_without_reply = {};
   friend bool operator==(const ProtocolUse&, const ProtocolUse&) = default;
@@ -114,8 +117,8 @@ struct ProtocolUse {
 // fault of the scenario excuses them.
 enum class LineMistakeKind : std::uint8_t {
   kMalformed,   // a frame that is no message, or whose values no server takes
-  kMissing,     // a period without a request
-  kDoubled,     // a request less than half a period after the one before
+  kMissing,     // a period without a request, or without a command where the server sends by itself
+  kDoubled,     // such a message less than half a period after the one before
   kUnanswered,  // a whole reply that no actuator message followed within a period
 };
 std::string_view Name(LineMistakeKind kind);
@@ -162,8 +165,10 @@ struct ClientLog {
       stacks;  // of its image, in the order of their addresses; absent: none measured
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
   std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
-  std::vector<TimeNs> request_times_ns;       // arrival at the server of each accepted sensor request
-  std::vector<TimeNs> sent_request_times_ns;  // when the client sent each, before any fault on the line
+  std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
+  // When the client sent its message of each period (link::Protocol::PeriodMessage()), before any fault on the line:
+  // a request, or a command where the server sends by itself.
+  std::vector<TimeNs> sent_request_times_ns;
   std::vector<TimeNs>
       reply_latency_ns;  // from the last byte of a request to the last byte of its reply at the client
   std::vector<TimeNs> actuator_times_ns;  // arrival at the server of each accepted actuator message

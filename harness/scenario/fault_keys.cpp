@@ -18,10 +18,6 @@ using faults::ParameterInfo;
 using faults::ParameterKind;
 using faults::ParameterValue;
 using faults::Target;
-using link::MessageKind;
-
-constexpr std::array kMessages = {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators,
-                                  MessageKind::kReply, MessageKind::kReference};
 
 const std::vector<Alternative>& Types() {
   static const std::vector<Alternative> types = [] {
@@ -59,17 +55,16 @@ void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   fault.target = targets[index.value_or(0)];
 }
 
+// A name of the protocol's; scenario_checks.h looks for it there.
+constexpr TextRule kMessageName = {"[A-Za-z][A-Za-z0-9_]*",
+                                   "letters, digits and '_', beginning with a letter", 64};
+
 void DescribeMessage(KeyVisitor& v, FaultSpec& fault) {
-  std::array<std::string_view, kMessages.size() + 1> words;
-  std::optional<std::size_t> index;
-  for (std::size_t i = 0; i < kMessages.size(); ++i) {
-    words[i] = Name(kMessages[i]);
-    if (fault.message == kMessages[i]) index = i;
-  }
-  words.back() = "sensors";
-  v.Choice({"message", "Only frames of this kind; absent: all. `sensors` is another word for `request`"},
-           words, index);
-  if (index) fault.message = *index < kMessages.size() ? kMessages[*index] : MessageKind::kRequest;
+  v.Text(
+      {"message",
+       "Only frames of this message of the protocol; absent: all. In the shipped protocols: start, request "
+       "(also called sensors), actuators, reply, reference"},
+      fault.message, kMessageName);
 }
 
 // Faults that act on one client's line, samples or board.

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "harness/scenario/fault_keys.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -36,19 +37,6 @@ constexpr TextRule kVariable = {
     "[A-Za-z_][A-Za-z0-9_.:\\[\\]-]*",
     "a variable of the firmware's image, such as tick_count, controller.gains[3] or motor.c:state", 200};
 constexpr TextRule kAnyText = {};
-
-// An enumeration whose values count from 0 and have names.
-template <class Enum, std::size_t n>
-void Enumeration(KeyVisitor& v, const Key& key, const std::array<Enum, n>& values, Enum& value) {
-  std::array<std::string_view, n> words;
-  std::optional<std::size_t> index;
-  for (std::size_t i = 0; i < n; ++i) {
-    words[i] = Name(values[i]);
-    if (values[i] == value) index = i;
-  }
-  v.Choice(key, words, index);
-  if (index) value = values[*index];
-}
 
 void DescribeExpectation(KeyVisitor& v, Expectation& expect) {
   constexpr std::array kVerdicts = {Verdict::kPass, Verdict::kFail, Verdict::kInconclusive, Verdict::kError};
@@ -95,27 +83,38 @@ void DescribeGround(KeyVisitor& v, Scenario& s) {
       });
 }
 
-void DescribeProtocol(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
-  const auto protocols = link::Protocols();
-  std::vector<std::string_view> names;
-  for (const auto& known : protocols) names.push_back(known->name);
+// Only the checks can read the file, or make a protocol of the mapping (scenario_checks.cpp).
+void DescribeProtocolOf(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
+  const auto names = ShippedProtocolNames();
   // By name, because a scenario has the protocol as its vehicle speaks it.
-  const auto found = std::find_if(protocols.begin(), protocols.end(),
-                                  [&](const auto& known) { return known->name == protocol->name; });
-  std::optional<std::size_t> index;
-  if (found != protocols.end()) index = static_cast<std::size_t>(found - protocols.begin());
-  v.Choice({.name = "dialect",
-            .doc = "Protocol: the paper's messages, or those of the authors' published server",
-            .other_name = "protocol"},
-           names, index);
-  if (index) protocol = protocols[*index];
+  const bool is_shipped = std::find(names.begin(), names.end(), protocol->name) != names.end();
+  std::string name = is_shipped ? protocol->name : "";
+  v.NameOrSection(
+      {.name = "protocol",
+       .doc = "The messages of the line: of the paper, of the authors' published server, of the paper with "
+              "sequence, time and CRC-32, or of a protocol file (docs/protocol.md), relative to the "
+              "scenario's file",
+       .other_name = "dialect"},
+      names, name, [&](KeyVisitor& w) {
+        ProtocolSpec spec = is_shipped ? ProtocolSpec() : SpecOf(*protocol);
+        DescribeProtocol(w, spec);
+      });
+  if (auto found = link::FindProtocol(name)) protocol = std::move(found);
 }
 
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
-  v.Integer({"baud", "Bits per second of the main line, 8N1: ten bits per byte"}, link.baud, {1200, 10e6});
+  v.Integer({"baud", "Bits per second of the main line; a byte takes 10 bits by default"}, link.baud,
+            {1200, 10e6});
   v.Integer({"reference_baud", "The same of the reference line"}, link.reference_baud, {1200, 10e6});
-  DescribeProtocol(v, link.protocol);
+  v.Integer(
+      {"data_bits", "Data bits of a byte, 7 or 8, on both lines. With 7 the top bit of every byte is lost"},
+      link.character.data_bits, {7, 8});
+  Enumeration(v, {"parity", "Parity bit behind the data bits, on both lines"}, link::kParities,
+              link.character.parity);
+  v.Integer({"stop_bits", "Stop bits behind each byte, 1 or 2, on both lines"}, link.character.stop_bits,
+            {1, 2});
+  DescribeProtocolOf(v, link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
            link.adapter_latency_ms, {0, 1000});
   v.MaybeSection({"adapter", "A USB-serial adapter with a buffer, in both directions of the main line"},
@@ -230,13 +229,6 @@ void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
               std::array{ArbiterType::kSingle}, arbiter.type);
   v.Text({"client", "Whose actuators take effect; absent: the first client's. Its `start` is t = 0"},
          arbiter.client, kClientRule);
-}
-
-template <class Item, class Describe>
-void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe describe) {
-  v.List(
-      key, items.size(), [&](std::size_t count) { items.resize(count); },
-      [&](KeyVisitor& w, std::size_t i) { describe(w, items[i]); });
 }
 
 }  // namespace

@@ -3,7 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
+#include <functional>
+#include <map>
 #include <regex>
+#include <string>
+#include <system_error>
 #include <utility>
 
 #include "harness/scenario/did_you_mean.h"
@@ -21,6 +26,14 @@ bool HasControlCharacter(std::string_view text) {
   return std::any_of(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7F;
   });
+}
+
+// Compiling an expression takes longer than matching a name.
+const std::regex& Compiled(std::string_view regex) {
+  thread_local std::map<std::string, std::regex, std::less<>> known;
+  const auto found = known.find(regex);
+  if (found != known.end()) return found->second;
+  return known.emplace(regex, std::regex(std::string(regex))).first->second;
 }
 
 }  // namespace
@@ -115,7 +128,7 @@ std::optional<std::string> MappingReader::ReadText(std::string_view key, const Y
     Complain(node.mark, fmt::format("{}: longer than {} bytes", key, rule.length_max));
   } else if (HasControlCharacter(node.text)) {
     Complain(node.mark, fmt::format("{}: contains a control character", key));
-  } else if (!rule.regex.empty() && !std::regex_match(node.text, std::regex(std::string(rule.regex)))) {
+  } else if (!rule.regex.empty() && !std::regex_match(node.text, Compiled(rule.regex))) {
     Complain(node.mark, fmt::format("{}: {} must be {}", key, Describe(node), rule.meaning));
   } else if (std::find(rule.reserved.begin(), rule.reserved.end(), node.text) != rule.reserved.end()) {
     Complain(node.mark, fmt::format("{}: {} is {}; choose another", key, Describe(node), rule.reserved_for));
@@ -308,6 +321,28 @@ void MappingReader::Choice(const Key& key, std::span<const std::string_view> wor
   if (const auto place = ReadWord(written, *node, key, words)) index = place;
 }
 
+void MappingReader::Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) {
+  const YamlNode* node = Take(key);
+  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (items == nullptr) return;
+  if (items->empty() || items->size() > count_max)
+    Complain(node->mark,
+             fmt::format("{}: expected 1 to {} bytes, found {}", key.name, count_max, items->size()));
+  value.clear();
+  for (const YamlNode& item : *items) {
+    const bool is_hexadecimal = item.kind == YamlNode::Kind::kAmbiguous && item.text.starts_with("0x");
+    const std::string_view digits = std::string_view(item.text).substr(is_hexadecimal ? 2 : 0);
+    std::uint8_t byte = 0;
+    const auto [end, error] =
+        std::from_chars(digits.data(), digits.data() + digits.size(), byte, is_hexadecimal ? 16 : 10);
+    const bool is_number = is_hexadecimal || item.kind == YamlNode::Kind::kNumber;
+    if (!is_number || error != std::errc() || end != digits.data() + digits.size())
+      Complain(item.mark, fmt::format("{}: expected a byte such as 170 or 0xAA, found {}", key.name,
+                                      is_number ? item.text : Describe(item)));
+    value.push_back(byte);
+  }
+}
+
 void MappingReader::ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                                  const TextRule& name_rule) {
   const YamlNode* node = Take(key);
@@ -363,6 +398,29 @@ void MappingReader::WordOrSection(const Key& key, std::string_view word, bool, c
     ReadBody(key.name, *node, body);
   else
     ComplainKind(key.name, *node, fmt::format("'{}' or a mapping", word));
+}
+
+void MappingReader::NameOrSection(const Key& key, std::span<const std::string_view> names, std::string& name,
+                                  const Body& body) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  const std::string_view written = mapping_.Find(key.name) == nullptr ? key.other_name : key.name;
+  if (node->kind == YamlNode::Kind::kMapping) {
+    name.clear();
+    ReadBody(written, *node, body);
+    return;
+  }
+  const auto text = ReadText(written, *node, {});
+  if (!text) return;
+  name = *text;
+  if (name.ends_with(".yaml") || name.ends_with(".yml") ||
+      std::find(names.begin(), names.end(), name) != names.end())
+    return;
+  const std::string valid =
+      ClosestName(name, names).empty()
+          ? fmt::format("; valid: {}, or a path that ends in .yaml", fmt::join(names, ", "))
+          : DidYouMean(name, names);
+  Complain(node->mark, fmt::format("{}: unknown value {}{}", written, Describe(*node), valid));
 }
 
 void MappingReader::List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "harness/scenario/keys.h"
+#include "harness/scenario/key_visitor.h"
 #include "harness/scenario/yaml_tree.h"
 
 namespace tiltproof::harness {
@@ -33,11 +33,14 @@ class MappingReader : public KeyVisitor {
   void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) override;
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override;
+  void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) override;
   void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule& name_rule) override;
   void Section(const Key& key, const Body& body) override;
   void MaybeSection(const Key& key, bool is_there, const Body& body) override;
   void WordOrSection(const Key& key, std::string_view word, bool is_there, const Body& body) override;
+  void NameOrSection(const Key& key, std::span<const std::string_view> names, std::string& name,
+                     const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override;
   void Alternatives(const Key& key, std::span<const Alternative> alternatives,

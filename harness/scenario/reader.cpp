@@ -4,13 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <fstream>
 #include <map>
 #include <set>
-#include <system_error>
 #include <utility>
 
 #include "harness/scenario/compound.h"
+#include "harness/scenario/keys.h"
 #include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/scenario_checks.h"
 #include "harness/scenario/yaml_tree.h"
@@ -21,42 +20,6 @@ namespace {
 // The longest duration of a fault that is added.
 constexpr double kInjectedMax_s = 14'400;
 
-std::string JoinLines(const std::vector<Diagnostic>& diagnostics) {
-  std::string text;
-  for (const Diagnostic& diagnostic : diagnostics) {
-    if (!text.empty()) text += '\n';
-    text += ToString(diagnostic);
-  }
-  return text;
-}
-
-std::string ReadText(const std::filesystem::path& file) {
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) throw ScenarioError({{file, 0, 0, "no such file"}});
-  std::ifstream in(file, std::ios::binary);
-  // One byte more than allowed is enough to see that it is too large.
-  std::string text(kYamlBytesMax + 1, '\0');
-  in.read(text.data(), static_cast<std::streamsize>(text.size()));
-  if (!in.is_open() || in.bad()) throw ScenarioError({{file, 0, 0, "cannot be read"}});
-  text.resize(static_cast<std::size_t>(in.gcount()));
-  return text;
-}
-
-[[noreturn]] void Throw(const std::filesystem::path& file, std::vector<YamlProblem> problems) {
-  std::stable_sort(problems.begin(), problems.end(),
-                   [](const auto& a, const auto& b) { return a.mark < b.mark; });
-  std::vector<Diagnostic> diagnostics;
-  for (YamlProblem& problem : problems) {
-    if (diagnostics.size() == kDiagnosticsMax) {
-      diagnostics.push_back(
-          {file, 0, 0, fmt::format("and {} more problems", problems.size() - kDiagnosticsMax)});
-      break;
-    }
-    diagnostics.push_back({file, problem.mark.line, problem.mark.column, std::move(problem.message)});
-  }
-  throw ScenarioError(std::move(diagnostics));
-}
-
 Scenario Interpret(const std::filesystem::path& file, YamlNode& root, const ReadOptions& options,
                    std::vector<YamlProblem>& problems) {
   ResolveCompounds(root, problems);
@@ -66,7 +29,7 @@ Scenario Interpret(const std::filesystem::path& file, YamlNode& root, const Read
   DescribeScenario(reader, scenario);
   reader.Finish();
   CheckScenario(root, options, scenario, problems);
-  if (!problems.empty()) Throw(file, std::move(problems));
+  if (!problems.empty()) ThrowProblems(file, std::move(problems));
   return scenario;
 }
 
@@ -74,16 +37,16 @@ Scenario Interpret(const std::filesystem::path& file, YamlNode& root, const Read
 std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std::string& text,
                                    const ReadOptions& options) {
   std::vector<YamlProblem> problems;
-  std::optional<YamlNode> root = ParseYaml(text, problems);
-  if (!root) Throw(file, std::move(problems));
-  if (root->kind != YamlNode::Kind::kMapping) {
-    problems.push_back(
-        {root->mark, fmt::format("expected a mapping of keys to values, found {}", Describe(*root))});
-    Throw(file, std::move(problems));
-  }
-
-  Scenario scenario = Interpret(file, *root, options, problems);
-  return {std::move(scenario), root->Find("name")->value.mark};
+  YamlNode root = ParseMapping(text, file, problems);
+  if (const YamlEntry* protocol = root.Find("protocol");
+      protocol != nullptr && root.Find("messages") != nullptr)
+    ThrowProblems(file,
+                  {{protocol->key_mark,
+                    fmt::format("this is a protocol file, not a scenario: a scenario names it with `link: "
+                                "{{protocol: {}}}`",
+                                file.filename().string())}});
+  Scenario scenario = Interpret(file, root, options, problems);
+  return {std::move(scenario), root.Find("name")->value.mark};
 }
 
 // Keys that say when a fault acts, or are for files.
@@ -142,17 +105,8 @@ void SetWindow(const AddedFault& fault, YamlNode& node, std::vector<YamlProblem>
 
 }  // namespace
 
-std::string ToString(const Diagnostic& diagnostic) {
-  if (diagnostic.line == 0) return fmt::format("{}: {}", diagnostic.file.string(), diagnostic.message);
-  return fmt::format("{}:{}:{}: {}", diagnostic.file.string(), diagnostic.line, diagnostic.column,
-                     diagnostic.message);
-}
-
-ScenarioError::ScenarioError(std::vector<Diagnostic> diagnostics)
-    : std::runtime_error(JoinLines(diagnostics)), diagnostics_(std::move(diagnostics)) {}
-
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options) {
-  return Read(file, ReadText(file), options).first;
+  return Read(file, ReadYamlText(file), options).first;
 }
 
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
@@ -169,13 +123,13 @@ Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadO
         {node->mark, fmt::format("expected a fault, for example {{type: frame.drop, target: to_client, "
                                  "duration_s: 2, parameters: {{probability: 0.5}}}}, found {}",
                                  Describe(*node))});
-  if (!node || !problems.empty()) Throw(file, std::move(problems));
+  if (!node || !problems.empty()) ThrowProblems(file, std::move(problems));
   const YamlEntry* given = node->Find("duration_s");
   const YamlMark duration = given == nullptr ? node->mark : given->key_mark;
   SetWindow(fault, *node, problems);
-  if (!problems.empty()) Throw(file, std::move(problems));
+  if (!problems.empty()) ThrowProblems(file, std::move(problems));
   std::optional<YamlNode> root = ParseYaml(WriteResolved(scenario), problems);
-  if (!root) Throw(file, std::move(problems));
+  if (!root) ThrowProblems(file, std::move(problems));
   const auto faults = std::find_if(root->entries.begin(), root->entries.end(),
                                    [](const YamlEntry& entry) { return entry.key == "faults"; });
   YamlNode& list = faults != root->entries.end()
@@ -197,7 +151,7 @@ std::vector<Scenario> ReadScenarios(const std::vector<std::filesystem::path>& fi
   std::map<std::string, std::string> places;  // of each name, "file:line:column"
   for (const auto& file : files) {
     try {
-      auto [scenario, mark] = Read(file, ReadText(file), options);
+      auto [scenario, mark] = Read(file, ReadYamlText(file), options);
       const auto [first, is_new] =
           places.try_emplace(scenario.name, fmt::format("{}:{}:{}", file.string(), mark.line, mark.column));
       if (!is_new) {

@@ -17,34 +17,22 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/scenario/diagnostic.h"
 #include "harness/scenario/scenario.h"
 #include "link/signal_table.h"
 
 namespace tiltproof::harness {
 
-struct Diagnostic {
-  std::filesystem::path file;
-  int line = 0, column = 0;  // 1-based, in characters; line 0: about the file as a whole
-  std::string message;
-};
-// "file:line:column: message".
-std::string ToString(const Diagnostic& diagnostic);
-
-// All errors, by file and place, at most kDiagnosticsMax per file; what() has one line for each.
-class ScenarioError : public std::runtime_error {
- public:
-  explicit ScenarioError(std::vector<Diagnostic> diagnostics);
-  const std::vector<Diagnostic>& diagnostics() const { return diagnostics_; }
-
- private:
-  std::vector<Diagnostic> diagnostics_;
-};
-inline constexpr std::size_t kDiagnosticsMax = 20;
-
 // The error in a formula. `column` is 1-based, in bytes of its text.
 struct FormulaProblem {
   std::size_t column = 1;
   std::string message;
+};
+
+// The reason that a protocol does not suit a vehicle, and the first field that the reason is about.
+struct ProtocolProblem {
+  std::string reason;
+  std::string message, signal;  // empty: no field is wrong
 };
 
 // The reader's questions to higher layers.
@@ -71,7 +59,7 @@ struct ReadOptions {
       check_model;
   // Checks that the scenario's protocol carries the vehicle's signals, and returns the reason that it does not; none:
   // not checked.
-  std::function<std::optional<std::string>(const Scenario& scenario, const VehicleSignals& vehicle)>
+  std::function<std::optional<ProtocolProblem>(const Scenario& scenario, const VehicleSignals& vehicle)>
       check_protocol;
 };
 

@@ -19,31 +19,14 @@
 #include "faults/volume.h"
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/model_path.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
 
 namespace fs = std::filesystem;
-
-const YamlNode* ValueOf(const YamlNode* mapping, std::string_view key) {
-  const YamlEntry* entry = mapping == nullptr ? nullptr : mapping->Find(key);
-  return entry == nullptr ? nullptr : &entry->value;
-}
-
-// The place of a value deep down, keys separated by dots; of the deepest mapping on the way when it is
-// absent.
-YamlMark PlaceOf(const YamlNode& mapping, std::string_view path) {
-  const YamlNode* node = &mapping;
-  while (!path.empty()) {
-    const std::size_t dot = path.find('.');
-    const YamlNode* next = ValueOf(node, path.substr(0, dot));
-    if (next == nullptr) break;
-    node = next;
-    path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
-  }
-  return node->mark;
-}
 
 std::string DidYouMeanOf(std::string_view name, const std::vector<std::string>& valid) {
   const std::vector<std::string_view> views(valid.begin(), valid.end());
@@ -67,6 +50,7 @@ class Checker {
       : root_(root), options_(options), scenario_(scenario), problems_(problems) {}
 
   void Run() {
+    ReadProtocol();
     CheckPeriod();
     CheckAdapter();
     CheckGround();
@@ -99,6 +83,41 @@ class Checker {
     return node == nullptr || Troubled(*node) ? nullptr : node;
   }
 
+  // The value of the key 'protocol', or of its other name.
+  const YamlNode* ProtocolNode() const {
+    const YamlNode* link = ValueOf(&root_, "link");
+    const YamlNode* protocol = ValueOf(link, "protocol");
+    return protocol == nullptr ? ValueOf(link, "dialect") : protocol;
+  }
+
+  // Reads the protocol that is no shipped one: a file, or a mapping as resolved scenarios have it.
+  void ReadProtocol() {
+    const YamlNode* node = ProtocolNode();
+    if (node == nullptr || Troubled(*node)) return;
+    if (node->kind == YamlNode::Kind::kMapping) {
+      protocol_root_ = node;
+      ProtocolSpec spec;
+      std::vector<YamlProblem> said;  // by the reader of the scenario
+      MappingReader reader(*node, said);
+      DescribeProtocol(reader, spec);
+      reader.Finish();
+      if (!said.empty()) return;
+      if (std::string taken = TakenProtocolName(spec.name); !taken.empty())
+        return Complain(PlaceOf(*node, "protocol"), std::move(taken));
+      if (auto protocol = MakeProtocol(spec, *node, problems_)) scenario_.link.protocol = std::move(protocol);
+    } else if (link::FindProtocol(node->text) == nullptr) {
+      try {
+        protocol_file_ = RelativeToScenario(node->text);
+        protocol_ = LoadProtocolFile(protocol_file_);
+        protocol_root_ = &protocol_.root;
+        scenario_.link.protocol = protocol_.protocol;
+      } catch (const ScenarioError& error) {
+        for (const Diagnostic& diagnostic : error.diagnostics())
+          Complain(node->mark, fmt::format("protocol: {}", ToString(diagnostic)));
+      }
+    }
+  }
+
   // The flight's length and step against the protocol's control period.
   void CheckPeriod() {
     const TimeNs period_ns = scenario_.link.protocol->control_period_ns;
@@ -108,15 +127,23 @@ class Checker {
                                            duration->text, ToSeconds(period_ns)));
     }
     // Rounding to nanoseconds must not turn a step that does not divide the period into one that does.
-    const YamlNode* step = Good(root_, "step_s");
-    if (step == nullptr) return;
-    const std::int64_t count = scenario_.step_ns > 0 ? period_ns / scenario_.step_ns : 0;
-    const double seconds = step->Number().value_or(0.0);
-    if (count == 0 || count * scenario_.step_ns != period_ns ||
-        std::abs(ToSeconds(scenario_.step_ns) - seconds) > 1e-15) {
-      Complain(step->mark, fmt::format("step_s: {} does not divide the control period of {} s", step->text,
-                                       ToSeconds(period_ns)));
-    }
+    const YamlNode* step = ValueOf(&root_, "step_s");
+    if (step != nullptr && Troubled(*step)) return;
+    const YamlMark place = step != nullptr ? step->mark : PlaceOf(root_, "link.protocol");
+    const double seconds = step != nullptr ? step->Number().value_or(0.0) : ToSeconds(scenario_.step_ns);
+    const std::string text = step != nullptr ? step->text : fmt::format("{}, the default,", seconds);
+    const auto divides = [&](TimeNs whole_ns) {
+      const std::int64_t count = scenario_.step_ns > 0 ? whole_ns / scenario_.step_ns : 0;
+      return count > 0 && count * scenario_.step_ns == whole_ns &&
+             std::abs(ToSeconds(scenario_.step_ns) - seconds) <= 1e-15;
+    };
+    if (!divides(period_ns))
+      Complain(place, fmt::format("step_s: {} does not divide the control period of {} s", text,
+                                  ToSeconds(period_ns)));
+    for (const link::MessageType& type : scenario_.link.protocol->messages)
+      if (type.period_ns != 0 && !divides(type.period_ns))
+        Complain(place, fmt::format("step_s: {} does not divide the period of the message '{}', {} s", text,
+                                    type.name, ToSeconds(type.period_ns)));
   }
 
   void CheckAdapter() {
@@ -179,14 +206,41 @@ class Checker {
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
     if (!vehicle) return;
     scenario_.link.protocol = link::ForVehicle(scenario_.link.protocol, *vehicle);
+    for (const link::MessageType& type : scenario_.link.protocol->messages)
+      if (type.payload_bytes > link::kPayloadBytesMax)
+        return ComplainProtocol(fmt::format(
+            "the message '{}' of this vehicle has {} bytes, and a payload holds {}: write a protocol file "
+            "that carries fewer signals (docs/protocol.md)",
+            type.name, type.payload_bytes, link::kPayloadBytesMax));
     if (!options_.check_protocol) return;
     const auto trouble = options_.check_protocol(scenario_, *vehicle);
     if (!trouble) return;
-    const YamlNode* link = ValueOf(&root_, "link");
-    const YamlNode* protocol = ValueOf(link, "protocol");
-    if (protocol == nullptr) protocol = ValueOf(link, "dialect");
+    const std::optional<YamlMark> place = PlaceOfField(*trouble);
+    if (!place) return ComplainProtocol(trouble->reason);
+    if (protocol_file_.empty()) return Complain(*place, fmt::format("signal: {}", trouble->reason));
+    ComplainProtocol(ToString(
+        Diagnostic{protocol_file_, place->line, place->column, fmt::format("signal: {}", trouble->reason)}));
+  }
+
+  // The place of the signal in the user's protocol; none when it is not about one.
+  std::optional<YamlMark> PlaceOfField(const ProtocolProblem& problem) const {
+    const auto find = [](const YamlNode* list, std::string_view key,
+                         std::string_view text) -> const YamlNode* {
+      if (list == nullptr) return nullptr;
+      for (const YamlNode& item : list->items)
+        if (const YamlNode* value = ValueOf(&item, key); value != nullptr && value->text == text)
+          return &item;
+      return nullptr;
+    };
+    const YamlNode* message = find(ValueOf(protocol_root_, "messages"), "name", problem.message);
+    const YamlNode* field = find(ValueOf(message, "fields"), "signal", problem.signal);
+    return field == nullptr ? std::nullopt : std::optional(PlaceOf(*field, "signal"));
+  }
+
+  void ComplainProtocol(const std::string& trouble) {
+    const YamlNode* protocol = ProtocolNode();
     Complain(protocol == nullptr ? PlaceOf(root_, "model") : protocol->mark,
-             fmt::format("{}: {}", protocol == nullptr ? "model" : "protocol", *trouble));
+             fmt::format("{}: {}", protocol == nullptr ? "model" : "protocol", trouble));
   }
 
   void CheckGain() {
@@ -311,6 +365,7 @@ class Checker {
                              other->id));
       CheckClientNamed(node, "client", fault.client);
       if (fault.type.empty()) continue;  // unknown, and said so
+      CheckMessage(scenario_.faults[i], node);
       for (const faults::Problem& problem : faults::Validate(fault)) {
         // The reader has reported missing and unreadable values already.
         const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
@@ -323,16 +378,24 @@ class Checker {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
     CheckSignals(*list);
     CheckFields(*list);
-    CheckFraming(*list);
+    CheckFaultsSuit(*list);
   }
 
-  // Faults on flags and escapes are for a framing that has these.
-  void CheckFraming(const YamlNode& list) {
+  // Gives the message its name in the protocol.
+  void CheckMessage(faults::FaultSpec& fault, const YamlNode& node) {
+    const faults::FaultType& type = *faults::FindFaultType(fault.type);
+    const std::string problem = faults::MessageProblem(fault, type, *scenario_.link.protocol);
+    if (!problem.empty()) Complain(node, "message", fmt::format("message: {}", problem));
+    if (const auto* message = faults::FindMessage(*scenario_.link.protocol, fault.message))
+      fault.message = message->name;
+  }
+
+  // A fault on a part of a frame, or on a value, is for a protocol that has these.
+  void CheckFaultsSuit(const YamlNode& list) {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
-      const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
-      const std::string problem =
-          type == nullptr ? "" : faults::FramingProblem(*type, *scenario_.link.protocol);
-      if (!problem.empty()) Complain(list.items[i], "type", "type: " + problem);
+      if (!faults::Validate(scenario_.faults[i]).empty()) continue;  // reported already
+      if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], *scenario_.link.protocol))
+        Complain(list.items[i], problem->key, fmt::format("{}: {}", problem->key, problem->message));
     }
   }
 
@@ -501,6 +564,9 @@ class Checker {
   const ReadOptions& options_;
   Scenario& scenario_;
   std::vector<YamlProblem>& problems_;
+  fs::path protocol_file_;  // empty: the protocol is not of a file
+  ProtocolFile protocol_;
+  const YamlNode* protocol_root_ = nullptr;  // of the user's protocol
 };
 
 }  // namespace

@@ -113,6 +113,10 @@ class SchemaBuilder : public KeyVisitor {
     const Json schema = {{"enum", words}};
     index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
   }
+  void Bytes(const Key& key, std::vector<std::uint8_t>&, std::size_t count_max) override {
+    const Json byte = {{"type", "integer"}, {"minimum", 0}, {"maximum", 255}};
+    Add(key, {{"type", "array"}, {"items", byte}, {"minItems", 1}, {"maxItems", count_max}});
+  }
   void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule& name_rule) override {
     const Json word = {{"enum", words}};
@@ -135,6 +139,13 @@ class SchemaBuilder : public KeyVisitor {
     SchemaBuilder inner(name);
     body(inner);
     Add(key, {{"anyOf", {{{"enum", {word}}}, inner.Take()}}}, std::string(word));
+  }
+  void NameOrSection(const Key& key, std::span<const std::string_view> names, std::string& name,
+                     const Body& body) override {
+    SchemaBuilder inner((std::string(key.name)));
+    body(inner);
+    const Json path = {{"type", "string"}, {"pattern", "\\.ya?ml$"}};
+    Add(key, {{"anyOf", {{{"enum", names}}, inner.Take(), path}}}, name);
   }
   void List(const Key& key, std::size_t, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override {
@@ -270,7 +281,7 @@ std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const Veh
   std::set<std::string> names;
   for (const faults::Target target :
        {faults::Target::kToClient, faults::Target::kToPlant, faults::Target::kReference}) {
-    const auto fields = faults::FieldNames(*LinkSpec().protocol, target, std::nullopt);
+    const auto fields = faults::FieldNames(*LinkSpec().protocol, target);
     names.insert(fields.begin(), fields.end());
   }
   return {names.begin(), names.end()};
@@ -279,7 +290,11 @@ std::vector<std::string> UsualNames(const faults::ParameterInfo& info, const Veh
 // Adds the registry's facts on each parameter, beyond what the reader asks.
 void DescribeParameters(Json& definitions, const VehicleSignals& vehicle) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
-    Json& keys = definitions[std::string(type.name)]["properties"]["parameters"]["properties"];
+    Json& fault = definitions[std::string(type.name)]["properties"];
+    if (fault.contains("message"))
+      for (const link::MessageType& message : LinkSpec().protocol->messages)
+        fault["message"]["examples"].push_back(message.name);
+    Json& keys = fault["parameters"]["properties"];
     for (const faults::ParameterInfo& info : type.parameters) {
       Json& parameter = keys[std::string(info.name)];
       parameter["description"] = faults::ParameterText(info);
@@ -297,6 +312,8 @@ std::string AllowedText(const Json& schema) {
     for (const auto& word : schema["enum"]) words.push_back(fmt::format("`{}`", word.get<std::string>()));
     return fmt::format("{}", fmt::join(words, ", "));
   }
+  if (schema.contains("anyOf") && schema["anyOf"].size() == 3)
+    return fmt::format("{}, a path that ends in `.yaml`, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
     return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <fstream>
 #include <map>
 #include <set>
 #include <stdexcept>
@@ -22,6 +23,14 @@ constexpr int kNestingMax = 100;
 
 bool IsScenarioFile(const fs::path& path) {
   return path.extension() == ".yaml" || path.extension() == ".yml";
+}
+
+// A protocol file stands beside the scenarios that use it. Only such a file has this key at its top.
+bool IsProtocolFile(const fs::path& path) {
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);)
+    if (line.starts_with("protocol:")) return true;
+  return false;
 }
 
 // Emacs marks a file that is being edited by a link of such a name, which leads nowhere.
@@ -138,7 +147,7 @@ class Finder {
       else
         Search(entry, files, links);
     } else if (IsScenarioFile(entry) && fs::is_regular_file(status)) {
-      files.push_back(entry);
+      if (!IsProtocolFile(entry)) files.push_back(entry);
     } else if (IsScenarioFile(entry) && !IsEditorsLock(entry)) {
       found.problems.push_back(fmt::format("{}: {}", entry.string(), WhatItIs(entry, status, error)));
     } else if (is_link && !fs::exists(status) && !IsEditorsLock(entry)) {

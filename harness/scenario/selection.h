@@ -23,8 +23,8 @@ struct FoundScenarios {
   std::vector<std::filesystem::path> Paths() const;
 };
 
-// Scenario files behind PATHs: a file is itself, a folder is every *.yaml and *.yml file below it, sorted.
-// Links are followed, but not in circles. Folders with results of runs are left out: they hold resolved
+// Scenario files behind PATHs: a file is itself, a folder is every *.yaml and *.yml file below it, sorted, that is no
+// protocol file. Links are followed, but not in circles. Folders with results of runs are left out: they hold resolved
 // scenarios, which are not the user's.
 FoundScenarios FindScenarios(const std::vector<std::filesystem::path>& paths);
 

@@ -61,6 +61,9 @@ class Writer : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     if (index) Line(key, std::string(words[*index]));
   }
+  void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t) override {
+    if (!value.empty()) Line(key, fmt::format("[{:#04x}]", fmt::join(value, ", ")));
+  }
   void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule&) override {
     if (value.by_name.empty()) return Line(key, std::string(words[value.all]));
@@ -85,6 +88,10 @@ class Writer : public KeyVisitor {
   }
   void WordOrSection(const Key& key, std::string_view word, bool is_there, const Body& body) override {
     is_there ? Section(key, body) : Line(key, std::string(word));
+  }
+  void NameOrSection(const Key& key, std::span<const std::string_view>, std::string& name,
+                     const Body& body) override {
+    name.empty() ? Section(key, body) : Line(key, name);
   }
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>&,
             const NumberedBody& body) override {

@@ -430,4 +430,21 @@ std::string Describe(const YamlNode& node) {
   return "something unknown";
 }
 
+const YamlNode* ValueOf(const YamlNode* mapping, std::string_view key) {
+  const YamlEntry* entry = mapping == nullptr ? nullptr : mapping->Find(key);
+  return entry == nullptr ? nullptr : &entry->value;
+}
+
+YamlMark PlaceOf(const YamlNode& mapping, std::string_view path) {
+  const YamlNode* node = &mapping;
+  while (!path.empty()) {
+    const std::size_t dot = path.find('.');
+    const YamlNode* next = ValueOf(node, path.substr(0, dot));
+    if (next == nullptr) break;
+    node = next;
+    path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
+  }
+  return node->mark;
+}
+
 }  // namespace tiltproof::harness

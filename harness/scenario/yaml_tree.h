@@ -70,6 +70,13 @@ inline constexpr std::size_t kYamlKeysMax = 1000;  // of one mapping
 // what they name.
 std::optional<YamlNode> ParseYaml(std::string_view text, std::vector<YamlProblem>& problems);
 
+// The value of a mapping's key; nullptr when there is none, or `mapping` is null.
+const YamlNode* ValueOf(const YamlNode* mapping, std::string_view key);
+
+// The place of a value deep down, keys separated by dots; of the deepest mapping on the way when it is
+// absent.
+YamlMark PlaceOf(const YamlNode& mapping, std::string_view path);
+
 // Characters (code points) of UTF-8 text.
 std::size_t CharacterCount(std::string_view text);
 

@@ -147,8 +147,10 @@ Findings FindMistakes(const Scenario& scenario, const RunLog& log, std::size_t c
 }
 
 // All kinds that were seen.
-std::string Described(const Findings& findings, const RunLog& log, std::size_t client) {
+std::string Described(const Scenario& scenario, const Findings& findings, const RunLog& log,
+                      std::size_t client) {
   std::vector<std::string> parts;
+  const std::string_view message = scenario.link.protocol->streams() ? "command" : "request";
   const auto first = [](const Kind& kind) {
     return fmt::format("the first at {:.3f} s", ToSeconds(kind.first_ns));
   };
@@ -157,10 +159,10 @@ std::string Described(const Findings& findings, const RunLog& log, std::size_t c
                                 first(kind), kind.text));
   if (const Kind& kind = findings.Of(LineMistakeKind::kMissing); kind.count > 0)
     parts.push_back(
-        fmt::format("{} of {} periods without a request, {}", kind.count, findings.periods, first(kind)));
+        fmt::format("{} of {} periods without a {}, {}", kind.count, findings.periods, message, first(kind)));
   if (const Kind& kind = findings.Of(LineMistakeKind::kDoubled); kind.count > 0)
-    parts.push_back(fmt::format("{} request{} less than half a period after the one before, {}", kind.count,
-                                kind.count == 1 ? "" : "s", first(kind)));
+    parts.push_back(fmt::format("{} {}{} less than half a period after the one before, {}", kind.count,
+                                message, kind.count == 1 ? "" : "s", first(kind)));
   if (const Kind& kind = findings.Of(LineMistakeKind::kUnanswered); kind.count > 0) {
     const auto& commands_ns = log.clients[client].actuator_times_ns;
     if (!commands_ns.empty() && commands_ns.back() < kind.first_ns && kind.count > 1)
@@ -190,7 +192,7 @@ CriterionResult Judge(const Scenario& scenario, const RunLog& log, std::size_t c
     if (found.count > 0)
       result.time_s = std::min(result.time_s.value_or(ToSeconds(log.end_ns)), ToSeconds(found.first_ns));
   }
-  const std::string what = Described(findings, log, client);
+  const std::string what = Described(scenario, findings, log, client);
   result.explanation =
       Whose(scenario, client) + (what.empty() ? "nothing missing, doubled or malformed" : what);
   if (result.verdict == Verdict::kPass) {
@@ -222,7 +224,7 @@ std::optional<CriterionResult> CleanLine(const Scenario& scenario, const RunLog&
     result.explanation = "no actuator message was accepted in the whole flight";
     for (std::size_t client = 0; client < log.clients.size(); ++client)
       if (log.clients[client].line_mistakes)
-        if (const std::string what = Described(FindMistakes(scenario, log, client), log, client);
+        if (const std::string what = Described(scenario, FindMistakes(scenario, log, client), log, client);
             !what.empty())
           result.explanation += "; " + Whose(scenario, client) + what;
     return result;

@@ -35,6 +35,10 @@ std::string Whose(const Scenario& scenario, std::size_t client) {
   return scenario.has_several_clients() ? "client " + scenario.client_id(client) + " " : "";
 }
 
+const std::vector<TimeNs>& PeriodTimes(const Scenario& scenario, const ClientLog& log) {
+  return scenario.link.protocol->streams() ? log.actuator_times_ns : log.request_times_ns;
+}
+
 std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,
                                      std::span<const Restart> restarts) {
   std::vector<TimeNs> asked_ns;

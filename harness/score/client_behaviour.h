@@ -18,6 +18,9 @@ std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t cl
 // The begin of a sentence about one of several clients.
 std::string Whose(const Scenario& scenario, std::size_t client);
 
+// Arrivals at the server of the client's message of each period (link::Protocol::PeriodMessage()).
+const std::vector<TimeNs>& PeriodTimes(const Scenario& scenario, const ClientLog& log);
+
 // The restarts that no fault asked for, in order. A fault that asks for a restart (FaultType::asks_restart())
 // does so once: the first restart after its start is attributed to it. `restarts` in order of time.
 std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& faults,

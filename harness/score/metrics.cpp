@@ -236,12 +236,12 @@ class Calculator {
     if (log_.clients[client].starts_accepted_count > 0) Silence(client);
   }
 
-  // Between one request and the next.
+  // Between one request and the next, or one command where the server sends by itself.
   void Intervals(std::size_t client) {
-    const ClientLog& own = log_.clients[client];
+    const std::vector<TimeNs>& times_ns = PeriodTimes(scenario_, log_.clients[client]);
     // Without those that this machine disturbed: which these are is known of intervals.
     const auto [undisturbed_ns, left_out_count] =
-        UndisturbedIntervals({}, WithThePeriodAfter(disturbed_), own.request_times_ns);
+        UndisturbedIntervals({}, WithThePeriodAfter(disturbed_), times_ns);
     const bool enough = undisturbed_ns.size() >= kIntervalsMin || undisturbed_ns.size() > left_out_count;
     std::vector<double> periods_ms, jitters_ms, sound_ms, sound_jitters_ms;
     for (const TimeNs interval_ns : undisturbed_ns) {
@@ -260,13 +260,13 @@ class Calculator {
         return range;
       };
     };
-    for (std::size_t i = 1; i < own.request_times_ns.size(); ++i) {
-      const TimeNs interval_ns = own.request_times_ns[i] - own.request_times_ns[i - 1];
+    for (std::size_t i = 1; i < times_ns.size(); ++i) {
+      const TimeNs interval_ns = times_ns[i] - times_ns[i - 1];
       periods_ms.push_back(Milliseconds(interval_ns));
       jitters_ms.push_back(Milliseconds(std::abs(interval_ns - period_ns_)));
     }
     if (!periods_ms.empty()) {
-      const TimeNs span_ns = own.request_times_ns.back() - own.request_times_ns.front();
+      const TimeNs span_ns = times_ns.back() - times_ns.front();
       const std::string mean = TimingName(client, "request_period_mean_ms");
       Set(mean, Milliseconds(span_ns) / static_cast<double>(periods_ms.size()));
       if (!disturbed_.empty()) {
@@ -397,6 +397,7 @@ class Calculator {
       SetCount(group + "frames_accepted_count", counts.frames_accepted);
       SetCount(group + "frames_rejected_count", counts.frames_rejected);
       SetCount(group + "bytes_corrupted_count", counts.bytes_corrupted);
+      SetCount(group + "parity_errors_count", counts.parity_errors);
     }
     SetCount(of_link("accepted_wrong_count"), own.accepted_wrong_count);
     SetCount(of_link("accepted_stale_count"), own.accepted_stale_count);
@@ -492,7 +493,7 @@ const std::vector<std::string>& MetricNames() {
                                     "timing.harness_late_max_ms"};
     for (const std::string direction : {"to_client", "to_plant", "reference"})
       for (const std::string counter :
-           {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
+           {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted", "parity_errors"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
     all.insert(all.end(),
                {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",

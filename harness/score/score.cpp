@@ -166,8 +166,8 @@ std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const Run
     const double deviation_percent = std::abs(median_ms - period_ms) / period_ms * 100;
     const bool right = deviation_percent <= scenario.control_period_tolerance_percent;
     char text[96];
-    std::snprintf(text, sizeof text, "asks every %.3f ms, the protocol requires %.6g ms", median_ms,
-                  period_ms);
+    std::snprintf(text, sizeof text, "%s every %.3f ms, the protocol requires %.6g ms",
+                  scenario.link.protocol->streams() ? "commands" : "asks", median_ms, period_ms);
     CriterionResult result;
     result.name = kControlPeriodCriterion;
     result.verdict = right ? Verdict::kPass : Verdict::kFail;
@@ -481,7 +481,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
   for (std::size_t i = 0; i < log.clients.size(); ++i) {
     const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
     score.histograms[name("request_period_ms")] =
-        RequestPeriodHistogram(log.clients[i].request_times_ns, period_ns);
+        RequestPeriodHistogram(PeriodTimes(scenario, log.clients[i]), period_ns);
     score.histograms[name("reply_latency_ms")] =
         ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
   }

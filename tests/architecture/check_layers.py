@@ -18,9 +18,13 @@ MAY_INCLUDE = {
     "plant": ["plant", "link/check.h", "link/time.h", "link/signal_table.h", "link/disturbance.h"],
     "faults": ["faults", "link"],
     "firmware": ["firmware", *sorted(LINK_CODEC)],
+    # The build lqr flies on the host only.
+    "firmware/lqr": ["firmware", "link"],
+    "firmware/ports/host": ["firmware", "link"],
     "harness/reference": ["harness/reference", "link"],
     "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
+    "harness/protocol": ["harness/protocol", "link"],
     "harness/integrity": ["harness/integrity", "faults", "link"],
     "harness/terminal": ["harness/terminal"],
     "harness/process": ["harness/process", "link/time.h", "link/unix_socket.h"],
@@ -61,6 +65,7 @@ ONLY_IN = {
     "dlfcn.h": ["harness/client/"],
     # The codec is one framing; all others than the firmware go through link/framing.h.
     "link/frame.h": ["link/frame.cpp", "link/hdlc_framing.cpp", "firmware/"],
+    "link/crc32.h": ["link/crc32.cpp", "link/frame.cpp"],
     "link/fletcher16.h": ["link/fletcher16.cpp", "link/frame.cpp", "link/checksum.cpp", "firmware/"],
 }
 # Patterns that would make a replay differ, or tie the product to one machine.

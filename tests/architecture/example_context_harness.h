@@ -65,6 +65,15 @@ extern const link::Protocol& protocol;
 extern faults::Random random;
 extern std::vector<std::uint8_t> damaged;
 
+// harness/integrity/check_group.h
+extern const std::vector<std::uint8_t> content;
+extern const examples::Function Receive;
+
+// harness/integrity/damager.h
+extern const FrameSample sample;
+extern const CheckGroup group;
+extern faults::Random random;
+
 // harness/cli/live_page.h
 extern const RunOptions options;
 extern const FlightMeans means;

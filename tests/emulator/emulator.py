@@ -11,6 +11,7 @@ import struct
 import subprocess
 import tempfile
 import time
+import zlib
 
 FLAG, ESCAPE = 0x7E, 0x7D
 WALL_CLOCK_MAX_S = 60  # of one run; the emulator may be many times slower than a board on a busy machine
@@ -24,8 +25,12 @@ def fletcher16(payload):
     return bytes([sum1, sum2])
 
 
-def frame(payload):
-    escaped = b"".join(bytes([ESCAPE, b ^ 0x20]) if b in (FLAG, ESCAPE) else bytes([b]) for b in payload + fletcher16(payload))
+def crc32(payload):
+    return struct.pack("<I", zlib.crc32(payload))
+
+
+def frame(payload, check=fletcher16):
+    escaped = b"".join(bytes([ESCAPE, b ^ 0x20]) if b in (FLAG, ESCAPE) else bytes([b]) for b in payload + check(payload))
     return bytes([FLAG]) + escaped + bytes([FLAG])
 
 
@@ -40,7 +45,11 @@ class Emulator:
         self.console = ""
         self.request_count = 0
         self.damaged_count = 0  # frames with a wrong check
-        self._request = floats(2 if dialect == "paper" else 1)
+        self._hardened = dialect == "hardened"
+        self._check = crc32 if self._hardened else fletcher16
+        # The begin of a request.
+        self._request = bytes([2]) if self._hardened else floats(2 if dialect == "paper" else 1)
+        self._request_bytes = 7 if self._hardened else 4
         self._answers = answers
         self._received = b""
         self._folder = tempfile.TemporaryDirectory()
@@ -112,15 +121,17 @@ class Emulator:
                 continue
             parts = escaped.split(bytes([ESCAPE]))
             payload = parts[0] + b"".join(bytes([part[0] ^ 0x20]) + part[1:] for part in parts[1:])
-            payload, check = payload[:-2], payload[-2:]
-            if fletcher16(payload) != check:
+            size = len(payload) - len(self._check(b""))
+            payload, check = payload[:size], payload[size:]
+            if self._check(payload) != check:
                 self.damaged_count += 1
                 continue
-            if payload == self._request:
+            if payload.startswith(self._request) and len(payload) == self._request_bytes:
                 reply = self._answers(self.request_count)
-                self.request_count += 1
                 if reply is not None:
-                    self._lines["main"].sendall(frame(reply))
+                    header = struct.pack("<BHI", 4, self.request_count, 12000 * self.request_count) if self._hardened else b""
+                    self._lines["main"].sendall(frame(header + reply, self._check))
+                self.request_count += 1
             yield payload
 
     # --- The debugger's end (GDB remote serial protocol).

@@ -4,6 +4,7 @@
 Usage: images_test.py FOLDER-OF-IMAGES PLUGIN
 """
 import pathlib
+import struct
 import subprocess
 import sys
 import unittest
@@ -35,7 +36,10 @@ class Protocol(unittest.TestCase):
         flying = [i for i in images("*.elf") if i.stem != "budgets"]
         self.assertGreaterEqual(len(flying), 6)
         for image in flying:
-            dialect = "provant" if "provant" in image.stem else "paper"
+            dialect = next((name for name in ("provant", "hardened") if name in image.stem), "paper")
+            if dialect == "hardened":
+                self.check_hardened(image)
+                continue
             # id of `start` and how many floats follow it, of the request, of the actuators
             start, request, actuators = {"paper": ((1, 0), 2, 3), "provant": ((3, 4), 1, 0)}[dialect]
             with self.subTest(image.name), Emulator(image, PLUGIN, dialect, answers=lambda n: HOVER) as board:
@@ -46,6 +50,23 @@ class Protocol(unittest.TestCase):
                 self.assertEqual(messages[1], floats(request))
                 commands = [m for m in messages if len(m) == 20 and m[:4] == floats(actuators)]
                 self.assertGreaterEqual(len(commands), 3, "a busy machine may lose some of ten, not most")
+
+    def check_hardened(self, image):
+        """Ids in one byte, then number and time; each message of a type has the next number, and a later time."""
+        with self.subTest(image.name), Emulator(image, PLUGIN, "hardened", answers=lambda n: HOVER) as board:
+            messages = board.run(until=lambda board: board.request_count >= 10)
+            self.assertEqual(board.damaged_count, 0)
+            # Since the last restart: on a busy machine the watchdog may come first.
+            messages = messages[max(i for i, message in enumerate(messages) if message[:3] == bytes([1, 0, 0])):]
+            headers = [struct.unpack("<BHI", message[:7]) for message in messages]
+            self.assertEqual([header[0] for header in headers[:2]], [1, 2])
+            for kind, size in ((1, 7), (2, 7), (3, 23)):
+                own = [(header, message) for header, message in zip(headers, messages) if header[0] == kind]
+                self.assertEqual({len(message) for _, message in own}, {size})
+                self.assertEqual([header[1] for header, _ in own], list(range(len(own))))
+                times = [header[2] for header, _ in own]
+                self.assertEqual(times, sorted(set(times)))
+            self.assertGreaterEqual(sum(header[0] == 3 for header in headers), 3)
 
 
 class Restart(unittest.TestCase):

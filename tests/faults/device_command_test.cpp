@@ -234,7 +234,7 @@ TEST_P(DeviceConformanceTest, HasNoTriggerAndNothingBeforeTheStart) {
   };
   refused("every_nth_count", [](FaultSpec& spec) { spec.every_nth_count = 2; });
   refused("probability", [](FaultSpec& spec) { spec.probability = 0.5; });
-  refused("message", [](FaultSpec& spec) { spec.message = link::MessageKind::kReply; });
+  refused("message", [](FaultSpec& spec) { spec.message = "reply"; });
   refused("start_s", [](FaultSpec& spec) { spec.start_ns = -1; });
 }
 

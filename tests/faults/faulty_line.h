@@ -14,7 +14,9 @@
 #include "faults/schedule.h"
 #include "firmware/signals.h"
 #include "link/chunk.h"
+#include "link/length_framing.h"
 #include "tests/support/origins.h"
+#include "tests/support/tiny_framings.h"
 
 namespace tiltproof::faults {
 
@@ -24,6 +26,12 @@ inline constexpr TimeNs kPeriod = 12 * kNsPerMs;
 inline void PrintTo(const FaultType& type, std::ostream* os) { *os << type.name; }
 
 using Bytes = std::vector<std::uint8_t>;
+
+// The place of a message in the table of `paper`.
+inline std::uint8_t PlaceInPaper(const std::string& message) {
+  static const auto paper = link::FindProtocol("paper");
+  return static_cast<std::uint8_t>(paper->Find(message) - paper->messages.data());
+}
 
 // A fault on to_client (if it is one for a line) without window.
 inline FaultSpec Spec(const std::string& type, std::map<std::string, ParameterValue> parameters = {},
@@ -65,8 +73,19 @@ inline VehicleSignals TiltrotorSignals() {
           .joints = {"hinge_right", "hinge_left"}};
 }
 
+// The paper's protocol; but for a fault on a part that its frames do not have, with a length in front of each frame.
+inline std::shared_ptr<const link::Protocol> ProtocolFor(const std::vector<FaultSpec>& specs) {
+  const std::shared_ptr<const link::Protocol> paper = link::FindProtocol("paper");
+  for (const FaultSpec& spec : specs) {
+    const auto* wire = ValidType(spec).As<WireKind>();
+    if (wire != nullptr && wire->needs_role && !paper->framing->Has(*wire->needs_role))
+      return link::PaperOver(link::MakeLengthFraming({.sync = {0xAA, 0x55}}, link::CheckKind::kCrc16Ibm3740));
+  }
+  return paper;
+}
+
 inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
-  return {specs, seed, {.signals = TiltrotorSignals()}};
+  return {specs, seed, {.protocol = ProtocolFor(specs), .signals = TiltrotorSignals()}};
 }
 
 inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, BootTime boot_time = {}) {
@@ -92,7 +111,7 @@ inline link::Chunk Frame(std::int64_t n, std::size_t size = 68) {
   link::Chunk chunk;
   chunk.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n));
   chunk.number = static_cast<std::uint64_t>(n);
-  chunk.kind = link::MessageKind::kReply;
+  chunk.message = PlaceInPaper("reply");
   chunk.bytes.assign(size, 0x7E);
   for (std::size_t i = 1; i + 1 < size; ++i) {
     const auto byte = static_cast<std::uint8_t>(chunk.number * 31 + i * 7 + (chunk.number >> 8));
@@ -124,7 +143,7 @@ inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::
 // The same with one fault.
 inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::int64_t count,
                                                   std::size_t size = 68, std::uint64_t seed = 1) {
-  FaultSchedule schedule({spec}, seed);
+  FaultSchedule schedule({spec}, seed, {.protocol = ProtocolFor({spec})});
   return Send(schedule, count, size);
 }
 
@@ -139,7 +158,7 @@ inline std::vector<std::vector<link::Chunk>> SendWithoutPause(const FaultSpec& s
     out.push_back(
         {{.begin_ns = BootTime(link::BytesTime(921'600, n * static_cast<std::int64_t>(bytes.size()))),
           .bytes = bytes,
-          .kind = link::MessageKind::kReply,
+          .message = PlaceInPaper("reply"),
           .number = static_cast<std::uint64_t>(n)}});
     schedule.Filter(link::Direction::kToClient)->Apply(out.back());
   }
@@ -158,7 +177,7 @@ inline std::vector<link::LogChunk> InLog(const std::vector<link::Chunk>& chunks)
   std::vector<link::LogChunk> in_log;
   for (const link::Chunk& chunk : chunks)
     in_log.push_back(
-        {kOriginAtPowerOn.SimulationTime(chunk.begin_ns), chunk.bytes, chunk.kind, chunk.number});
+        {kOriginAtPowerOn.SimulationTime(chunk.begin_ns), chunk.bytes, chunk.message, chunk.number});
   return in_log;
 }
 

@@ -205,7 +205,7 @@ TEST_P(ReceiverConformanceTest, TriggerCountsBytes) {
   const Marks marks = Receive({spec}, 100);
   for (std::size_t i = 0; i < marks.size(); ++i)
     ASSERT_EQ(marks[i] != ReceiveMark::kNone, i % 100 == 99) << i;
-  spec.message = link::MessageKind::kReply;
+  spec.message = "reply";
   EXPECT_THAT(Validate(spec), ElementsAre(Field(&Problem::key, "message")));
 }
 

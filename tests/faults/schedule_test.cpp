@@ -105,14 +105,14 @@ TEST(ScheduleTest, ProbabilityHasItsFrequency) {
 TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
   FaultSpec spec = Drop();
   spec.target = Target::kToPlant;
-  spec.message = link::MessageKind::kActuators;
+  spec.message = "actuators";
   spec.every_nth_count = 2;
   FaultSchedule schedule({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::int64_t> dropped;
   for (std::int64_t n = 0; n < 12; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kRequest : link::MessageKind::kActuators;
+    chunks[0].message = PlaceInPaper(n % 3 == 0 ? "request" : "actuators");
     schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     if (chunks.empty()) dropped.push_back(n);
   }

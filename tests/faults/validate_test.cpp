@@ -56,23 +56,43 @@ TEST(ValidateTest, ChecksWindowAndTrigger) {
 }
 
 TEST(ValidateTest, AMessageMustTravelOnTheTarget) {
-  using link::MessageKind;
+  const link::Protocol& paper = *link::FindProtocol("paper");
+  const auto problem = [&](const FaultSpec& spec) {
+    return MessageProblem(spec, *FindFaultType(spec.type), paper);
+  };
   FaultSpec spec = Valid();
-  spec.message = MessageKind::kReply;
-  EXPECT_THAT(Validate(spec), IsEmpty());
-  spec.message = MessageKind::kActuators;
-  EXPECT_THAT(Validate(spec), Says("message", "'actuators' does not travel there (target to_client)"));
+  EXPECT_EQ(problem(spec), "");
+  spec.message = "reply";
+  EXPECT_EQ(problem(spec), "");
+  spec.message = "actuators";
+  EXPECT_EQ(problem(spec), "'actuators' does not travel there (target to_client); what does: reply");
   spec.target = Target::kBoth;
-  EXPECT_THAT(Validate(spec), IsEmpty());
-  spec.message = MessageKind::kUnknown;
-  EXPECT_THAT(Validate(spec), Says("message", "start, request, actuators, reply"));
+  EXPECT_EQ(problem(spec), "");
+  spec.message = "nothing";
+  EXPECT_EQ(problem(spec),
+            "the protocol 'paper' has no message 'nothing'; known: start, request, actuators, reply");
   spec = Spec("link.silence");
   spec.target = Target::kNone;  // both by default
-  spec.message = MessageKind::kStart;
+  spec.message = "start";
+  EXPECT_EQ(problem(spec), "");
   EXPECT_THAT(Validate(spec), IsEmpty());
   spec = Spec("sensor.freeze", {{"signal", "x_m"}});
-  spec.message = MessageKind::kReply;
+  spec.message = "reply";
   EXPECT_THAT(Validate(spec), Says("message", "takes no message"));
+}
+
+// A role names a message only where no other has it.
+TEST(ValidateTest, AMessageIsFoundByItsNameOrItsRole) {
+  link::Protocol two = *link::FindProtocol("paper");
+  EXPECT_EQ(FindMessage(two, "sensors"), two.Find("request"));
+  link::MessageType baro = {
+      .name = "baro", .kind = link::MessageKind::kReply, .direction = link::Direction::kToClient};
+  two.messages.push_back(baro);
+  two.messages[3].name = "imu";
+  EXPECT_EQ(FindMessage(two, "baro"), &two.messages.back());
+  EXPECT_EQ(FindMessage(two, "imu"), &two.messages[3]);
+  EXPECT_EQ(FindMessage(two, "reply"), nullptr);
+  EXPECT_EQ(FindMessage(two, ""), nullptr);
 }
 
 TEST(ValidateTest, ATargetIsStatedWhereThereIsNoDefault) {

@@ -85,7 +85,7 @@ TEST(VolumeTest, CountsWhatIsCertainAlone) {
   EXPECT_FALSE(IsTooMuch(with([](FaultSpec& f) { f.start_ns = kDurationNs - kNsPerMs; })));
   EXPECT_TRUE(IsTooMuch(with([](FaultSpec& f) { f.type = "wire.byte_insert"; })));
   EXPECT_TRUE(IsTooMuch(with([](FaultSpec& f) { f.target = Target::kBoth; })));
-  EXPECT_TRUE(IsTooMuch(with([](FaultSpec& f) { f.message = link::MessageKind::kReply; })));
+  EXPECT_TRUE(IsTooMuch(with([](FaultSpec& f) { f.message = "reply"; })));
   EXPECT_TRUE(IsTooMuch(with([](FaultSpec& f) { f.start_ns = 20 * kNsPerS; })));
 
   auto specs = Doubling(17);

@@ -208,7 +208,7 @@ TEST(HostLibraryTest, KnowsItsBuilds) {
   const ClientLibrary library(TILTPROOF_FIRMWARE_LIBRARY);
   EXPECT_THROW(FakeBoard(library, "no-such-build", "paper"), std::runtime_error);
   for (const char* build : {"paper", "paper_published", "tolerant"}) {
-    for (const char* dialect : {"paper", "provant"}) {
+    for (const char* dialect : {"paper", "provant", "hardened"}) {
       EXPECT_NO_THROW(FakeBoard(library, build, dialect));
     }
   }

@@ -67,7 +67,8 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
   Draw draw(seed);
   if (draw.Below(16) == 0) return LLVMFuzzerMutate(data, size, max_size);
   FrameScript script = ReadScript({data, size});
-  const link::Framing& framing = *link::HdlcFraming();
+  const link::Protocol& paper = *link::FindProtocol("paper");
+  const link::Framing& framing = *paper.framing;
   const auto change = [](Bytes& bytes, std::size_t more_bytes_max) {
     const std::size_t used = bytes.size();
     bytes.resize(used + more_bytes_max);
@@ -81,7 +82,7 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
       step.bytes = framing.Encode(payload_of(script, step.line, draw));
       script.steps.insert(script.steps.begin() + static_cast<std::ptrdiff_t>(at), std::move(step));
     } else if (what < 4) {
-      harness::ChangeContent(framing, script.steps[at].bytes, draw, change);
+      harness::ChangeContent(paper, script.steps[at].bytes, draw, change);
     } else if (what < 6) {
       harness::BreakBytes(framing, script.steps[at].bytes, draw);
     } else {

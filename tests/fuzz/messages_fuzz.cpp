@@ -67,11 +67,30 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
   Require(!Name(kind).empty(), "a kind has a name");
   if (status != MessageStatus::kOk) return status;
   Require(kind != link::MessageKind::kUnknown, "accepted and classified");
-  const link::MessageBytes again = message.start          ? link::EncodeStart(dialect, message.actuators)
-                                   : message.read_sensors ? link::EncodeReadSensors(dialect)
-                                                          : link::EncodeActuators(dialect, message.actuators);
+  link::MessageBytes again = message.start          ? link::EncodeStart(dialect, message.actuators)
+                             : message.read_sensors ? link::EncodeReadSensors(dialect)
+                                                    : link::EncodeActuators(dialect, message.actuators);
+  SetStamp(dialect, message.stamp, again);
   Require(std::ranges::equal(again.span(), payload), "a request: a round trip");
   return status;
+}
+
+// The firmware's code refuses in the same payloads what the table refuses. The filter has accepted nothing before.
+void CheckHardened(Payload payload) {
+  constexpr link::Dialect kDialect = link::Dialect::kHardened;
+  const link::Protocol& protocol = *link::FindProtocol(Name(kDialect));
+  Require(CheckRequest(kDialect, payload) == ByTable(protocol, link::Direction::kToPlant, payload),
+          "a hardened request: code and table agree");
+  const auto reply = link::HeaderFilter(kDialect, link::MessageKind::kReply).Values(payload);
+  tiltproof::Sensors sensors;
+  const bool is_reply = reply && link::DecodeSensors(*reply, sensors) == MessageStatus::kOk;
+  Require(is_reply == (ByTable(protocol, link::Direction::kToClient, payload) == MessageStatus::kOk),
+          "a hardened reply: code and table agree");
+  const auto values = link::HeaderFilter(kDialect, link::MessageKind::kReference).Values(payload);
+  tiltproof::Reference reference;
+  const bool is_reference = values && link::DecodeReference(*values, reference) == MessageStatus::kOk;
+  Require(is_reference == (ByTable(protocol, link::Direction::kReference, payload) == MessageStatus::kOk),
+          "a hardened reference: code and table agree");
 }
 
 // Enumerations come out of records and over the C interface of firmware: any byte has a name, its own or "unknown".
@@ -94,8 +113,7 @@ void CheckUnknownDialect(link::Dialect dialect, Payload payload) {
               link::EncodeActuators(dialect, {}).span().empty(),
           "an unknown dialect says nothing");
   link::ClientMessage message;
-  Require(link::DecodeClientMessage(dialect, payload, message) ==
-              (payload.size() < link::kIdBytes ? MessageStatus::kBadLength : MessageStatus::kUnknownId),
+  Require(link::DecodeClientMessage(dialect, payload, message) == MessageStatus::kUnknownId,
           "an unknown dialect has no message");
   Require(link::ClassifyClientPayload(dialect, payload) == link::MessageKind::kUnknown,
           "an unknown dialect has no kind");
@@ -105,8 +123,8 @@ void CheckEnumerations(std::uint8_t byte, Payload payload) {
   CheckName(byte, link::FrameStatus::kNoOpeningFlag);
   CheckName(byte, link::MessageKind::kUnknown);
   CheckName(byte, MessageStatus::kOutOfRange);
-  CheckName(byte, link::Dialect::kProvant);
-  if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kProvant)
+  CheckName(byte, link::Dialect::kHardened);
+  if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kHardened)
     CheckUnknownDialect(dialect, payload);
 }
 
@@ -116,6 +134,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const Payload payload(data, size);
   if (size > 0) CheckEnumerations(data[0], payload);
   CheckSensors(payload);
+  CheckHardened(payload);
   tiltproof::Sensors sensors;
   tiltproof::Reference reference;
   const MessageStatus as_sensors = link::DecodeSensors(payload, sensors);

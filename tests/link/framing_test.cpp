@@ -155,14 +155,14 @@ TEST_P(FramingTest, AWireCutsItsFramesAndKnowsTheirMessages) {
     Noting filter;
     Wire wire({.baud = 921'600}, Direction::kToPlant, *protocol, &filter);
     std::vector<Bytes> frames;
-    std::vector<MessageKind> kinds;
+    std::vector<std::ptrdiff_t> places;
     BootTime now;
     for (int i = 0; i < 50; ++i) {
-      const char* name = i % 3 == 0 ? "start" : i % 3 == 1 ? "read_sensors" : "actuators";
+      const char* name = i % 3 == 0 ? "start" : i % 3 == 1 ? "request" : "actuators";
       const MessageType& type = *protocol->Find(name);
       const std::vector<double> values(type.fields.size(), 0.1 * static_cast<double>(i));
       frames.push_back(framing_->Encode(protocol->Encode(type, values).span()));
-      kinds.push_back(type.kind);
+      places.push_back(&type - protocol->messages.data());
       const Bytes& frame = frames.back();
       for (std::size_t at = 0; at < frame.size(); at += split)
         now = wire.Transmit(now, std::span(frame).subspan(at, std::min(split, frame.size() - at)));
@@ -171,7 +171,7 @@ TEST_P(FramingTest, AWireCutsItsFramesAndKnowsTheirMessages) {
     std::int64_t bytes_count = 0;
     for (std::size_t i = 0; i < frames.size(); ++i) {
       EXPECT_EQ(filter.chunks[i].bytes, frames[i]);
-      EXPECT_EQ(filter.chunks[i].kind, kinds[i]);
+      EXPECT_EQ(filter.chunks[i].message, places[i]);
       EXPECT_EQ(filter.chunks[i].number, i);
       // A piece ends where a frame does, so that its receiver is woken there.
       bytes_count += static_cast<std::int64_t>(frames[i].size());
@@ -204,6 +204,46 @@ TEST_P(FramingTest, AFrameThatDoesNotEndGoesOnWhenTheSenderIsSilent) {
     arrived.insert(arrived.end(), bytes.begin(), bytes.end());
   });
   EXPECT_EQ(arrived, frame);
+}
+
+// The role of a byte says what its damage does.
+TEST_P(FramingTest, RolesSayWhatADamagedByteChanges) {
+  for (std::size_t size = 1; size < 300; ++size) {
+    const Bytes payload = Payload(size % kPayloadBytesMax + 1);
+    const Bytes frame = framing_->Encode(payload);
+    const std::vector<ByteRole> roles = framing_->Roles(frame);
+    ASSERT_EQ(roles.size(), frame.size());
+    const std::size_t at = Below(frame.size());
+    Bytes damaged = frame;
+    damaged[at] ^= 1;
+    const auto parts = framing_->Split(damaged);
+    switch (roles[at]) {
+      case ByteRole::kFlag:
+        EXPECT_EQ(frame[at], framing_->flag());
+        break;
+      case ByteRole::kEscape:
+        EXPECT_EQ(frame[at], framing_->escape());
+        break;
+      case ByteRole::kSync:
+      case ByteRole::kLength:
+        EXPECT_FALSE(parts);
+        break;
+      case ByteRole::kPayload:
+        if (parts && parts->payload.size() == payload.size()) {
+          EXPECT_NE(parts->payload, payload);
+        }
+        break;
+      case ByteRole::kCheck:
+        if (parts && parts->payload.size() == payload.size()) {
+          EXPECT_EQ(parts->payload, payload);
+          EXPECT_NE(parts->damage, 0U);
+        }
+        break;
+      case ByteRole::kCode:
+        EXPECT_FALSE(parts && parts->payload == payload && parts->damage == 0);
+        break;
+    }
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(All, FramingTest,
@@ -272,6 +312,36 @@ TEST(Framings, CobsEqualsItsSlowReference) {
                   [](const Bytes& bytes) { return bytes.empty() || bytes.size() > kPayloadBytesMax; });
     ASSERT_EQ(Accepted(ReadAll(*framing, stream, 5)), expected);
   }
+}
+
+TEST(Framings, RolesOfCobsEqualThoseOfItsSlowReference) {
+  const CobsFraming reference;
+  const auto framing = MakeCobsFraming(CheckKind::kCrc16Ibm3740);
+  std::mt19937 generator(12);
+  for (std::size_t size = 1; size < 600; ++size) {
+    Bytes payload(size);
+    for (std::uint8_t& byte : payload)
+      byte =
+          static_cast<std::uint8_t>(generator() % (size % 2 == 0 ? 3 : 300) == 0 ? 0 : 1 + generator() % 255);
+    const Bytes frame = reference.Encode(payload);
+    ASSERT_EQ(framing->Roles(frame), reference.Roles(frame)) << size;
+  }
+}
+
+TEST(Framings, RolesOfWrittenFrames) {
+  const auto roles = [](const Framing& framing, const Bytes& frame) {
+    std::string text;
+    for (const ByteRole role : framing.Roles(frame)) text += Name(role)[0];
+    return text;
+  };
+  // "p" is payload, "f" a flag, "e" an escape, "c" a code or check, "s" a mark, "l" a length.
+  EXPECT_EQ(roles(*HdlcFraming(), {0x7E, 0x7D, 0x5E, 0x01, 0x11, 0x7D, 0x5D, 0x7E}), "feppcecf");
+  EXPECT_EQ(roles(*MakeCobsFraming(CheckKind::kSum8), {0x02, 0x05, 0x02, 0x05, 0x00}), "cpccf");
+  EXPECT_EQ(roles(*MakeLengthFraming({.sync = {0xAA, 0x55}, .length_bytes = 2}, CheckKind::kCrc16Ibm3740),
+                  {0xAA, 0x55, 0x01, 0x00, 0x07, 0x01, 0x02}),
+            "ssllpcc");
+  EXPECT_TRUE(HdlcFraming()->Has(ByteRole::kEscape));
+  EXPECT_FALSE(HdlcFraming()->Has(ByteRole::kLength));
 }
 
 // The worked examples of the paper (Cheshire and Baker, section IV) in bytes.

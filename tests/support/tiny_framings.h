@@ -139,6 +139,22 @@ class CobsFraming : public TinyFraming {
     return parts;
   }
 
+  std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const override {
+    std::vector<ByteRole> roles(frame.size(), ByteRole::kPayload);
+    std::vector<std::size_t> places;  // of the bytes of payload and check
+    for (std::size_t code = 0; code + 1 < frame.size(); code += frame[code]) {
+      const bool is_full =
+          code >= 0xFF && frame[code - 0xFF] == 0xFF && roles[code - 0xFF] == ByteRole::kCode;
+      if (code > 0 && !is_full) places.push_back(code);
+      roles[code] = ByteRole::kCode;
+      for (std::size_t i = 1; i < frame[code]; ++i) places.push_back(code + i);
+    }
+    for (const std::size_t place : {places[places.size() - 2], places.back()})
+      if (roles[place] == ByteRole::kPayload) roles[place] = ByteRole::kCheck;
+    roles.back() = ByteRole::kFlag;
+    return roles;
+  }
+
   std::optional<std::uint8_t> flag() const override { return 0; }
   std::size_t check_bytes() const override { return 2; }
   std::span<const std::uint8_t> special_bytes() const override { return kSpecialBytes; }
@@ -185,6 +201,14 @@ class LengthFraming : public TinyFraming {
     if (frame.size() < kOverhead || frame[0] != kBegin || frame.size() != kOverhead + LengthOf(frame))
       return std::nullopt;
     return FrameParts{.payload = {frame.begin() + 3, frame.end() - 1}, .damage = Xor(frame)};
+  }
+
+  std::vector<ByteRole> Roles(std::span<const std::uint8_t> frame) const override {
+    std::vector<ByteRole> roles(frame.size(), ByteRole::kPayload);
+    roles[0] = ByteRole::kSync;
+    roles[1] = roles[2] = ByteRole::kLength;
+    roles.back() = ByteRole::kCheck;
+    return roles;
   }
 
   std::optional<std::uint8_t> flag() const override { return std::nullopt; }

@@ -12,7 +12,8 @@ class Babble : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
-    link::Chunk noise{.begin_ns = chunk.begin_ns, .bytes = {}, .kind = chunk.kind, .number = chunk.number};
+    link::Chunk noise{
+        .begin_ns = chunk.begin_ns, .bytes = {}, .message = chunk.message, .number = chunk.number};
     out.push_back(std::move(chunk));
     for (const PoissonEvents::Event& event : events) {
       Random random(event.key);
@@ -50,8 +51,9 @@ FaultType FrameBabble() {
           "whether its sender computes fast or slowly. Nothing enters the line between frames: a receiver "
           "that has waited until then may have gone on already. Only what falls into the fault's active time "
           "counts, of a pause of more than a second only the last second, and nothing before the first "
-          "frame. What would follow a frame that the trigger does not pick is left out. Each has a flag at "
-          "both ends and 1 to 64 bytes of uniformly random value between them, of uniformly random number. "
+          "frame. What would follow a frame that the trigger does not pick is left out. Each has 1 to 64 "
+          "bytes of uniformly random value, of uniformly random number, between two flags; where frames have "
+          "a length in front, it has 3 to 66 bytes, and they may be the marks of a frame. "
           "They delay the frames behind them; when they take more than the line carries, the delay grows.",
       .source =
           "Kopetz, Real-Time Systems: Design Principles for Distributed Embedded Applications, Kluwer, 1997 "

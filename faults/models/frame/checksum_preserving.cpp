@@ -35,14 +35,17 @@ class ChecksumPreserving : public WireModel {
 
 FaultType FrameChecksumPreserving() {
   return {.name = "frame.checksum_preserving",
-          .summary = "A damage that the checksum does not see.",
+          .summary = "A damage that the check does not see.",
           .semantics =
-              "Models the damage that Fletcher's checksum cannot detect. With the given probability, three "
-              "successive bytes of the payload of a frame that the trigger picks change by d, -2d and d "
-              "modulo 255. Both of Fletcher's sums stay the same. The place, and d from 1 to 254, are drawn "
-              "evenly; at least one byte changes. The checksum in the frame is not touched, and bytes are "
-              "escaped again. A payload of less than three bytes stays as it is. Only the length, id and "
-              "ranges of the message are left to find this.",
+              "Models the damage that the protocol's check cannot detect. With the given probability, "
+              "successive bytes of the payload of a frame that the trigger picks change. With `fletcher16` "
+              "three bytes change by d, -2d and d modulo 255, with d from 1 to 254, so both sums stay the "
+              "same. With `sum8` two bytes change by d and -d modulo 256, and with `none` one byte by d, "
+              "with d from 1 to 255. With a CRC the generator polynomial, times x^0 to x^7, is added to "
+              "three bytes (CRC-16) or five (CRC-32). The place and the change are drawn evenly; at least "
+              "one byte changes. The check in the frame is not touched, and the frame is encoded again. A "
+              "shorter payload stays as it is. Only the length, id, ranges, sequence and time of the message "
+              "are left to find this.",
           .source =
               "Fletcher, An Arithmetic Checksum for Serial Transmissions, IEEE Transactions on "
               "Communications 30(1), 1982; Maxino and Koopman, The Effectiveness of Checksums for Embedded "

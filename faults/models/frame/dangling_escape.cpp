@@ -30,10 +30,10 @@ FaultType FrameDanglingEscape() {
       .name = "frame.dangling_escape",
       .summary = "An escape stands directly before the closing flag.",
       .semantics =
-          "Models a sender that gives up in the middle of an escaped byte. With the given probability, 7D is "
-          "inserted before the closing flag of a frame that the trigger picks. RFC 1662 calls this an abort: "
-          "the receiver must drop the frame, and must not take the flag for an escaped byte. A chunk without "
-          "a closing flag stays as it is.",
+          "Models a sender that gives up in the middle of an escaped byte. With the given probability, an "
+          "escape (7D in `hdlc`) is inserted before the closing flag of a frame that the trigger picks. RFC "
+          "1662 calls this an abort: the receiver must drop the frame, and must not take the flag for an "
+          "escaped byte. A chunk without a closing flag stays as it is.",
       .source =
           "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that it ends in an escape", 0.3)},
@@ -41,8 +41,7 @@ FaultType FrameDanglingEscape() {
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<DanglingEscape>(setup);
                        },
-                       .needs_flag = true,
-                       .needs_escape = true}};
+                       .needs_role = link::ByteRole::kEscape}};
 }
 
 }  // namespace tiltproof::faults

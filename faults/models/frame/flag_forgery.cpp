@@ -34,9 +34,9 @@ FaultType FrameFlagForgery() {
       .summary = "A byte in the middle of a frame becomes a flag.",
       .semantics =
           "Models the worst place that a damaged byte can have. With the given probability, one byte of a "
-          "frame that the trigger picks, other than a flag, is replaced by 7E. All of them are equally "
-          "likely, the checksum and escapes included. The receiver sees two frames: the byte splits the "
-          "frame. A frame without such a byte stays as it is.",
+          "frame that the trigger picks, other than a flag, becomes a flag: 7E in `hdlc`, 00 in `cobs`. All "
+          "of them are equally likely, the check, escapes and codes included. The receiver sees two frames: "
+          "the byte splits the frame. A frame without such a byte stays as it is.",
       .source =
           "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that it is split", 0.3)},
@@ -44,7 +44,7 @@ FaultType FrameFlagForgery() {
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<FlagForgery>(setup);
                        },
-                       .needs_flag = true}};
+                       .needs_role = link::ByteRole::kFlag}};
 }
 
 }  // namespace tiltproof::faults

@@ -45,11 +45,12 @@ FaultType FrameFlagLoss() {
       .name = "frame.flag_loss",
       .summary = "The flag between two frames is lost.",
       .semantics =
-          "Models a receiver that misses the byte which ends a frame. With the given probability, a frame "
-          "that the trigger picks loses its closing flag. If the next frame on the line is picked too, it "
-          "loses its opening flags, so that the two arrive as one. Usually both are lost, because the "
-          "checksum is wrong. If the next frame is not picked, its opening flag ends this frame: it arrives "
-          "whole, but only then. A frame without anything between its flags stays as it is.",
+          "Models a receiver that misses the byte which ends a frame: 7E in `hdlc`, 00 in `cobs`. With the "
+          "given probability, a frame that the trigger picks loses its closing flag. If the next frame on "
+          "the line is picked too, it loses its opening flags, so that the two arrive as one. Usually both "
+          "are lost, because the check is wrong. If the next frame is not picked, its opening flag ends this "
+          "frame: it arrives whole, but only then. In `cobs` no frame has an opening flag, so the two always "
+          "arrive as one. A frame without anything between its flags stays as it is.",
       .source =
           "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such frames).",
       .parameters = {ProbabilityParameter("probability, per frame, that its closing flag is lost", 0.3)},
@@ -59,7 +60,7 @@ FaultType FrameFlagLoss() {
                        },
                        .volume = Volume::kMayLose,
                        .remembers = true,
-                       .needs_flag = true}};
+                       .needs_role = link::ByteRole::kFlag}};
 }
 
 }  // namespace tiltproof::faults

@@ -37,10 +37,11 @@ FaultType FrameLong() {
           .semantics =
               "Models a sender with a newer or wrong table of messages, or one that overruns its buffer. "
               "With the given probability, `bytes_count` random bytes are appended to the payload of a frame "
-              "that the trigger picks. The checksum is that of the new payload, and bytes are escaped again; "
-              "if the checksum was wrong before, it stays wrong in the same bits. A payload beyond the "
-              "largest that a receiver keeps must not overrun the receiver's buffer. With the default "
-              "`probability` of 1 this happens to each frame.",
+              "that the trigger picks. Check and length are those of the new payload, and the frame is "
+              "encoded again; if the check was wrong before, it stays wrong in the same bits. A length field "
+              "of one byte holds the length modulo 256. A payload beyond the largest that a receiver keeps "
+              "must not overrun the receiver's buffer. With the default `probability` of 1 this happens to "
+              "each frame.",
           .source =
               "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), "
               "1991 (value failures of a server).",

@@ -1,5 +1,7 @@
-#include <array>
+#include <cstdint>
 #include <deque>
+#include <map>
+#include <string>
 
 #include "faults/fault_type.h"
 #include "link/check.h"
@@ -9,9 +11,10 @@ namespace {
 
 class ReplayStale : public WireModel {
  public:
-  explicit ReplayStale(const Parameters& parameters)
-      : probability_(parameters.Number("probability")),
-        age_count_(static_cast<std::size_t>(parameters.Integer("age_count"))) {}
+  explicit ReplayStale(const WireSetup& setup)
+      : probability_(setup.parameters.Number("probability")),
+        age_count_(static_cast<std::size_t>(setup.parameters.Integer("age_count"))),
+        protocol_(setup.protocol) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     History& history = HistoryOf(chunk);
@@ -26,8 +29,7 @@ class ReplayStale : public WireModel {
     Remember(history, chunk);
     out.push_back(std::move(stale));
     if (context.what != nullptr) {
-      context.Say("replaced by the " + std::string(link::Name(chunk.kind)) + " frame " +
-                  std::to_string(age_count_) + " before it");
+      context.Say("replaced by the " + NameOf(chunk) + " frame " + std::to_string(age_count_) + " before it");
     }
   }
 
@@ -42,7 +44,10 @@ class ReplayStale : public WireModel {
   using History =
       std::deque<std::vector<std::uint8_t>>;  // the latest frames, oldest first, at most age_count_
 
-  History& HistoryOf(const link::Chunk& chunk) { return histories_[static_cast<std::size_t>(chunk.kind)]; }
+  std::string NameOf(const link::Chunk& chunk) const {
+    return chunk.message == link::kNoMessage ? "unknown" : protocol_.messages.at(chunk.message).name;
+  }
+  History& HistoryOf(const link::Chunk& chunk) { return histories_[chunk.message]; }
 
   void Remember(History& history, const link::Chunk& chunk) {
     std::vector<std::uint8_t> buffer;
@@ -60,7 +65,8 @@ class ReplayStale : public WireModel {
   double probability_;
   std::size_t age_count_;
   std::size_t held_bytes_ = 0;
-  std::array<History, static_cast<std::size_t>(link::MessageKind::kUnknown) + 1> histories_;
+  const link::Protocol& protocol_;
+  std::map<std::uint8_t, History> histories_;  // by message
 };
 
 }  // namespace
@@ -86,7 +92,7 @@ FaultType FrameReplayStale() {
                       .example = 3.0}},
       .kind = WireKind{.wire_layer = WireLayer::kFrame,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                         return std::make_unique<ReplayStale>(setup.parameters);
+                         return std::make_unique<ReplayStale>(setup);
                        },
                        .remembers = true}};
 }

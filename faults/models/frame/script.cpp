@@ -19,7 +19,7 @@ class Script : public WireModel {
     }
     link::Chunk scripted{.begin_ns = chunk.begin_ns,
                          .bytes = frames_[context.pick],
-                         .kind = chunk.kind,
+                         .message = chunk.message,
                          .number = chunk.number};
     if (context.what != nullptr)
       context.Say(
@@ -48,7 +48,7 @@ FaultType FrameScript() {
               "Models what was recorded or found: an attack, a frame of a newer protocol, an input of "
               "`tiltproof fuzz`. The k-th word of `frames` belongs to the k-th frame that the trigger picks "
               "in the direction. It is sent as it stands, as the bytes of the line: flags, escapes and "
-              "checksums are part of it. A word `-` leaves its frame as it is. Behind the last word, frames "
+              "checks are part of it. A word `-` leaves its frame as it is. Behind the last word, frames "
               "pass unchanged. With `place` `instead` the bytes replace the frame, and begin when it would "
               "have begun. With `before` and `after` they are sent directly before or behind the frame, and "
               "take time on the line. Nothing is drawn. `envelope` leaves it out.",

@@ -9,6 +9,33 @@
 namespace tiltproof::faults {
 namespace {
 
+double OutOfRange(const link::MessageField& field) { return field.max + (field.max - field.min); }
+
+// True if a field can hold the value of that kind.
+bool CanHold(const link::MessageField& field, std::string_view kind) {
+  if (kind == "nan" || kind == "inf" || kind == "denormal") return !link::IsInteger(field.type);
+  if (kind != "out_of_range") return true;
+  return field.max < field.scale * link::LargestNumber(field.type);
+}
+
+std::optional<Problem> RefusesValue(const Parameters& parameters, const link::Protocol& protocol) {
+  const std::string name = parameters.Text("field"), kind = parameters.Choice("kind");
+  const link::MessageField* unable = nullptr;
+  for (const link::MessageType& type : protocol.messages) {
+    for (const link::MessageField& field : type.fields) {
+      if (field.signal != name) continue;
+      if (CanHold(field, kind)) return std::nullopt;
+      unable = &field;
+    }
+  }
+  if (unable == nullptr) return std::nullopt;  // a name that is unknown has its own message
+  return Problem{
+      "parameters.kind",
+      Concat({"'", kind, "' is no value of ", name, ", which is sent as ", link::Name(unable->type),
+              kind == "out_of_range" ? " with all its numbers in range" : "", " in the protocol '",
+              protocol.name, "': use offset, sign_flip or stale"})};
+}
+
 class Semantic : public WireModel {
  public:
   explicit Semantic(const WireSetup& setup)
@@ -69,7 +96,7 @@ class Semantic : public WireModel {
       return field.type == link::NumberType::kF64
                  ? Limits::denorm_min()
                  : static_cast<double>(std::numeric_limits<float>::denorm_min());
-    if (kind_ == "out_of_range") return field.max + (field.max - field.min);
+    if (kind_ == "out_of_range") return OutOfRange(field);
     if (kind_ == "sign_flip") return -before;
     if (kind_ == "offset") return before + value_;
     return left_alone_.value_or(before);
@@ -94,10 +121,13 @@ FaultType FrameSemantic() {
           "the smallest number above 0, `sign_flip` the negative value, and `offset` the value plus `value`. "
           "`out_of_range` sends the upper end of the field's plausible range plus the range's width. `stale` "
           "sends the field's value in the latest message with this field that this fault did not change, "
-          "inside or outside the window. Without such a message nothing changes. The result is rounded to 32 "
-          "bits. The checksum is that of the new payload, and bytes are escaped again; if the checksum was "
-          "wrong before, it stays wrong in the same bits. Messages without the field stay as they are. "
-          "`message` chooses one of several that have it.",
+          "inside or outside the window. Without such a message nothing changes. The result is rounded to "
+          "the "
+          "field's type and scale; what an integer cannot hold becomes the end of its range. An integer has "
+          "no `nan`, `inf` or `denormal`, and a field whose range is that of its type no `out_of_range`. The "
+          "check is that of the new payload, and the frame is encoded again; if the check was wrong before, "
+          "it stays wrong in the same bits. Messages without the field stay as they are. `message` chooses "
+          "one of several that have it.",
       .source =
           "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), 1991 "
           "(value failures of a server).",
@@ -125,7 +155,8 @@ FaultType FrameSemantic() {
                          return std::make_unique<Semantic>(setup);
                        },
                        .volume = Volume::kMayLose,  // fewer escapes
-                       .remembers = true}};
+                       .remembers = true,
+                       .refuses = RefusesValue}};
 }
 
 }  // namespace tiltproof::faults

@@ -40,9 +40,10 @@ FaultType FrameShort() {
       .semantics =
           "Models a sender with an older or wrong table of messages. With the given probability, the payload "
           "of a frame that the trigger picks loses its last `bytes_count` bytes, or all but the first if it "
-          "has no more. The checksum is that of the new payload, and bytes are escaped again; if the "
-          "checksum was wrong before, it stays wrong in the same bits. Only the length tells the receiver "
-          "that something is missing. With the default `probability` of 1 this happens to each frame.",
+          "has no more. Check and length are those of the new payload, and the frame is encoded again; if "
+          "the check was wrong before, it stays wrong in the same bits. Only the length of the message tells "
+          "the receiver that something is missing. With the default `probability` of 1 this happens to each "
+          "frame.",
       .source =
           "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), 1991 "
           "(value failures of a server).",

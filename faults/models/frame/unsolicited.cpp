@@ -2,6 +2,7 @@
 
 #include "faults/between_frames.h"
 #include "faults/fault_type.h"
+#include "faults/field_range.h"
 #include "faults/text.h"
 
 namespace tiltproof::faults {
@@ -14,16 +15,18 @@ class Unsolicited : public WireModel {
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto& events = events_.Since(chunk, context);
-    link::Chunk forged{.begin_ns = chunk.begin_ns, .bytes = {}, .kind = chunk.kind, .number = chunk.number};
+    link::Chunk forged{
+        .begin_ns = chunk.begin_ns, .bytes = {}, .message = chunk.message, .number = chunk.number};
     out.push_back(std::move(chunk));
     if (types_.empty()) return;
     for (const PoissonEvents::Event& event : events) {
       Random random(event.key);
       const link::MessageType& type = *types_[random.Below(types_.size())];
       std::vector<double> values;
-      for (const link::MessageField& field : type.fields)
-        values.push_back(
-            std::clamp(field.min + (field.max - field.min) * random.Uniform(), field.min, field.max));
+      for (const link::MessageField& field : type.fields) {
+        const auto [min, max] = MadeUpRange(field);
+        values.push_back(std::clamp(min + (max - min) * random.Uniform(), min, max));
+      }
       forged.bytes = protocol_.framing->Encode(protocol_.Encode(type, values).span());
       out.push_back(forged);
       if (context.what != nullptr) context.Say(Concat({"forged ", type.name, " behind it"}));
@@ -65,7 +68,9 @@ FaultType FrameUnsolicited() {
           "counts, of a pause of more than a second only the last second, and nothing before the first "
           "frame. What would follow a frame that the trigger does not pick is left out. Each is a message of "
           "the protocol in this direction, all equally likely, other than one that starts the flight; its "
-          "values are drawn evenly from their plausible ranges. Every check of the receiver passes.",
+          "values are drawn evenly from their plausible ranges; where these have no end, up to 10000. Every "
+          "check of the receiver passes, except "
+          "that a drawn sequence or time may be stale. If it is not, the messages behind it are.",
       .source =
           "ISO 26262-5:2018, Annex D (communication: insertion of messages, masquerading); IEC 61784-3 "
           "(insertion).",

@@ -1,15 +1,16 @@
-// The numbers of the build `lqr`, from the parameters that the harness passes (firmware/tiltproof_client.h).
+// The numbers and the protocol of the build `lqr`, from the parameters that the harness passes
+// (firmware/tiltproof_client.h).
 //
-//   LqrTable table;
-//   const bool complete = ReadLqrTable("{...}", table);
+//   LqrSetup setup;
+//   const bool complete = ReadLqrSetup("{...}", setup);
 #pragma once
 
-#include "firmware/lqr/lqr_law.h"
+#include "firmware/lqr/lqr_application.h"
 
 namespace tiltproof::firmware {
 
-// False when the text is none, lacks a gain, or has other sizes than a vehicle of this build. `table` is then in an
-// unspecified state.
-bool ReadLqrTable(const char* parameters, LqrTable& table);
+// False when the text is none, lacks a gain or a protocol with all states, or has other sizes than a vehicle of this
+// build. `setup` is then in an unspecified state.
+bool ReadLqrSetup(const char* parameters, LqrSetup& setup);
 
 }  // namespace tiltproof::firmware

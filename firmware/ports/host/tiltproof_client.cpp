@@ -2,12 +2,13 @@
 // LqrApplication for the build `lqr`.
 //
 // One TiltproofClient is one board with all its state; memory is allocated in tiltproof_client_create and
-// nowhere else.
+// nowhere else, except by the build `lqr`, which has no image.
 #include "firmware/tiltproof_client.h"
 
 #include <new>
 #include <optional>
 #include <string_view>
+#include <utility>
 #include <variant>
 
 #include "firmware/flight_application.h"
@@ -21,7 +22,7 @@ using tiltproof::firmware::Build;
 using tiltproof::firmware::FindBuild;
 using tiltproof::firmware::FlightApplication;
 using tiltproof::firmware::LqrApplication;
-using tiltproof::firmware::LqrTable;
+using tiltproof::firmware::LqrSetup;
 using tiltproof::firmware::Uart;
 using tiltproof::link::Dialect;
 
@@ -41,7 +42,7 @@ class HostPort final : public tiltproof::firmware::Port {
 };
 
 std::optional<Dialect> FindDialect(const char* name) {
-  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
+  for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant, Dialect::kHardened}) {
     if (name != nullptr && tiltproof::link::Name(dialect) == name) return dialect;
   }
   return std::nullopt;
@@ -50,17 +51,16 @@ std::optional<Dialect> FindDialect(const char* name) {
 }  // namespace
 
 struct TiltproofClient {
-  // `build`: null for the build `lqr`, whose numbers are then in `table`.
-  TiltproofClient(const TiltproofHost& host, const Build* build_in, const LqrTable& table_in,
-                  Dialect dialect_in)
-      : port(host), build(build_in), table(table_in), dialect(dialect_in) {
+  // `build`: null for the build `lqr`, whose numbers and protocol are then in `setup`.
+  TiltproofClient(const TiltproofHost& host, const Build* build_in, LqrSetup setup_in, Dialect dialect_in)
+      : port(host), build(build_in), setup(std::move(setup_in)), dialect(dialect_in) {
     PowerOn();
   }
   void PowerOn() {
     if (build != nullptr)
       application.emplace<FlightApplication>(*build, dialect, port);
     else
-      application.emplace<LqrApplication>(table, dialect, port);
+      application.emplace<LqrApplication>(setup, port);
   }
   // Calls `function` with the application.
   template <class Function>
@@ -71,7 +71,7 @@ struct TiltproofClient {
 
   HostPort port;
   const Build* const build;
-  const LqrTable table;
+  const LqrSetup setup;
   const Dialect dialect;
   // One of the two; a reset makes it again in place.
   std::variant<std::monostate, FlightApplication, LqrApplication> application;
@@ -87,13 +87,14 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
     return nullptr;
   }
   const Build* build = FindBuild(host->firmware);
+  LqrSetup setup;
+  if (build == nullptr) {
+    if (host->firmware != std::string_view("lqr") || !ReadLqrSetup(host->parameters, setup)) return nullptr;
+    return new (std::nothrow) TiltproofClient(*host, nullptr, std::move(setup), {});
+  }
   const std::optional<Dialect> dialect = FindDialect(host->dialect);
-  LqrTable table;
   if (!dialect) return nullptr;
-  if (build == nullptr &&
-      !(host->firmware == std::string_view("lqr") && ReadLqrTable(host->parameters, table)))
-    return nullptr;
-  return new (std::nothrow) TiltproofClient(*host, build, table, *dialect);
+  return new (std::nothrow) TiltproofClient(*host, build, {}, *dialect);
 }
 
 void tiltproof_client_destroy(TiltproofClient* client) { delete client; }

@@ -13,6 +13,7 @@
 
 #include "firmware/builds.h"
 #include "firmware/flight_application.h"
+#include "firmware/frame_sender.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/instruction_count.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
@@ -48,8 +49,8 @@ class BudgetFlight final : public firmware::Port {
     int late_steps = 0;     // of 4 ms, by which commands act late; up to 3
   };
 
-  explicit BudgetFlight(const char* build)
-      : application_(*firmware::FindBuild(build), link::Dialect::kPaper, *this) {
+  explicit BudgetFlight(const char* build, link::Dialect dialect = link::Dialect::kPaper)
+      : dialect_(dialect), application_(*firmware::FindBuild(build), dialect, *this) {
     wake_ns_ = application_.Start(0);
     Settle(0);
     inputs_.fill(newest_);
@@ -94,16 +95,23 @@ class BudgetFlight final : public firmware::Port {
   static constexpr TimeNs kByteNs = 10'851;  // at 921600 baud
   static constexpr std::size_t kHeldMax = 11;
   static constexpr float kSpeed_m_s = 1;
-  using Wire = std::array<std::uint8_t, link::FrameBytesMax(link::kSensorMessageBytes)>;
+  using Wire =
+      std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax, link::FrameCheck::kCrc32)>;
 
   // Queues the reply to that period's request.
   void Sense(Reply reply) {
     if (reply == Reply::kNone || held_count_ == kHeldMax) return;
     Sensors sensed = firmware::ToSensors(state_);
     sensed.z_m += faults_.z_m;
-    const link::MessageBytes message = link::EncodeSensors(sensed);
-    held_bytes_[held_count_] = link::EncodeFrame(message.span(), held_[held_count_]).bytes;
+    held_bytes_[held_count_] = InFrame(link::EncodeSensors(sensed, dialect_), held_[held_count_]);
     ++held_count_;
+  }
+
+  // With the next number; the times are as good as any that grow.
+  std::span<const std::uint8_t> InFrame(link::MessageBytes message, Wire& wire) {
+    ++number_;
+    link::SetStamp(dialect_, {.sequence = number_, .time_us = number_}, message);
+    return link::EncodeFrame(message.span(), wire, firmware::CheckOf(dialect_)).bytes;
   }
 
   std::uint32_t ReceiveReply() {
@@ -120,9 +128,10 @@ class BudgetFlight final : public firmware::Port {
                                .yaw_rad = 0,
                                .vx_m_s = kSpeed_m_s,
                                .vy_m_s = 0,
-                               .vz_m_s = 0});
+                               .vz_m_s = 0},
+                              dialect_);
     Wire wire;
-    const auto bytes = link::EncodeFrame(message.span(), wire).bytes;
+    const auto bytes = InFrame(message, wire);
     return Counted([&] { Arrive(application_, firmware::Uart::kReference, reference_receive_ring, bytes); });
   }
 
@@ -133,12 +142,10 @@ class BudgetFlight final : public firmware::Port {
       main_transmit_ring.Drop(main_transmit_ring.Count());
     }
     std::span<const std::uint8_t> bytes(sent_.data(), sent_count_);
-    link::FrameDecoder decoder;
+    link::FrameDecoder decoder(firmware::CheckOf(dialect_));
     while (const auto event = decoder.Next(bytes)) {
       link::ClientMessage message;
-      if (link::DecodeClientMessage(link::Dialect::kPaper, event->payload, message) !=
-          link::MessageStatus::kOk)
-        continue;
+      if (link::DecodeClientMessage(dialect_, event->payload, message) != link::MessageStatus::kOk) continue;
       if (!message.has_actuators) continue;
       newest_ = message.actuators;
       ++command_count_;
@@ -155,6 +162,8 @@ class BudgetFlight final : public firmware::Port {
     inputs_[0] = newest_;
   }
 
+  link::Dialect dialect_;
+  std::uint16_t number_ = 0;  // of the last message of the server
   Stm32f4Port board_port_;
   firmware::FlightApplication application_;
   firmware::MotionState state_ = firmware::ToMotion({.z_m = 2,

@@ -11,6 +11,7 @@
 #include "firmware/builds.h"
 #include "firmware/control_law.h"
 #include "firmware/flight_application.h"
+#include "firmware/frame_sender.h"
 #include "firmware/messages.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/budget_flight.h"
@@ -116,15 +117,23 @@ void MeasureLagHypotheses() {
 Stm32f4Port port;
 
 // One period: the request, a reference, the reply and the command that answers it.
-void MeasureCycle(const char* name, const char* build, const Payload& reply) {
-  Wire reply_wire;
-  Wire reference_wire;
-  const auto reply_frame = link::EncodeFrame(reply, reply_wire).bytes;
-  const auto reference_frame =
-      link::EncodeFrame(std::span(reply).first(link::kReferenceMessageBytes), reference_wire).bytes;
+void MeasureCycle(const char* name, const char* build, const Payload& reply,
+                  link::Dialect dialect = link::Dialect::kPaper) {
+  using LongestWire =
+      std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax, link::FrameCheck::kCrc32)>;
+  LongestWire reply_wire;
+  LongestWire reference_wire;
+  Sensors sensors;
+  link::ParseSensors(reply, sensors);
+  link::MessageBytes reference = link::EncodeReference({}, dialect);
+  std::copy_n(reply.begin(), link::kReferenceMessageBytes,
+              reference.bytes.begin() + (reference.size - link::kReferenceMessageBytes));
+  const link::FrameCheck check = firmware::CheckOf(dialect);
+  const auto reply_frame =
+      link::EncodeFrame(link::EncodeSensors(sensors, dialect).span(), reply_wire, check).bytes;
+  const auto reference_frame = link::EncodeFrame(reference.span(), reference_wire, check).bytes;
   static std::optional<firmware::FlightApplication> storage;  // larger than the stack
-  firmware::FlightApplication& application =
-      storage.emplace(*firmware::FindBuild(build), link::Dialect::kPaper, port);
+  firmware::FlightApplication& application = storage.emplace(*firmware::FindBuild(build), dialect, port);
   TimeNs wake = application.Start(0);
   const std::uint32_t count_before = application.control_count();
   Measure(name, [&] {
@@ -144,9 +153,9 @@ void Expect(bool holds) {
   if (!holds) Fail(TILTPROOF_CAUSE_ASSERT);
 }
 
-BudgetFlight& NewFlight() {
+BudgetFlight& NewFlight(link::Dialect dialect = link::Dialect::kPaper) {
   static std::optional<BudgetFlight> storage;  // larger than the stack
-  return storage.emplace("tolerant");
+  return storage.emplace("tolerant", dialect);
 }
 
 // Until the vehicle has settled and the line is believed to be good.
@@ -178,6 +187,14 @@ void MeasureTolerantLine() {
   Expect(flight.command_count() - before == 20);
   Report("tolerant_missed", DearestOfFifth(flight, Reply::kNone, 3));
   Report("tolerant_late", DearestOfFifth(flight, Reply::kLate, 4));
+}
+
+void MeasureTolerantHardened() {
+  BudgetFlight& flight = NewFlight(link::Dialect::kHardened);
+  Dearest(flight, Reply::kInTime, kSettledPeriods);
+  const int before = flight.command_count();
+  Report("tolerant_hardened", Dearest(flight, Reply::kInTime, 20));
+  Expect(flight.command_count() - before == 20);
 }
 
 // A rotor weakens: within three samples the belief about it changes, and the steps since are predicted again.
@@ -229,9 +246,12 @@ int main() {
   MeasureCodec("encode_escaped", "decode_escaped", EscapedPayload());
   MeasureCycle("cycle_plain", "paper", PlainPayload());
   MeasureCycle("cycle_escaped", "paper", EscapedPayload());
+  MeasureCycle("cycle_hardened", "paper", PlainPayload(), link::Dialect::kHardened);
+  MeasureCycle("cycle_hardened_escaped", "paper", EscapedPayload(), link::Dialect::kHardened);
   MeasureModelStep();
   MeasureLagHypotheses();
   MeasureTolerantLine();
+  MeasureTolerantHardened();
   MeasureTolerantBelief();
   Report("tolerant_worst", DearestBurst(3));
   Report("tolerant_burst", DearestBurst(10));

@@ -49,7 +49,7 @@ constexpr link::Dialect kDialect = link::Dialect::TILTPROOF_DIALECT;
 }  // namespace
 
 firmware::SensorCycle sensor_cycle(build, kDialect, port);
-firmware::ReferenceReceiver reference_receiver(build.checks);
+firmware::ReferenceReceiver reference_receiver(kDialect, build.checks);
 firmware::ControlActivity control_activity(build);
 firmware::ActuatorWriter actuator_writer(kDialect, port);
 

@@ -6,10 +6,12 @@
 #include <array>
 #include <charconv>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <system_error>
 
+#include "harness/emulator/frame_end_text.h"
 #include "harness/emulator/lockstep_protocol.h"
 #include "harness/emulator/plugin/clock_tree.h"
 
@@ -17,7 +19,7 @@ namespace tiltproof::qemu {
 
 struct Arguments {
   int socket = -1;
-  int barrier = -1;                                                          // on the main line
+  std::optional<link::FrameEnd> barrier;                                     // on the main line
   std::array<int, harness::lockstep::kConnectedUsartCount> usart_numbers{};  // on the chip, by Usart; 0: none
   std::uint32_t hse_hz = ClockTree::kUsualHseHz;  // of the board's crystal; 0: there is none
   bool ideal = false;                             // lines without byte time
@@ -47,8 +49,8 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
       arguments.memory = value[0] - '0';
     } else if (key == "coverage" && digit) {
       arguments.coverage = value[0] - '0';
-    } else if (key == "barrier" && is_number && number <= 255) {
-      arguments.barrier = static_cast<int>(number);
+    } else if (key == "barrier" && harness::ParseFrameEnd(value)) {
+      arguments.barrier = harness::ParseFrameEnd(value);
     } else if (line != kLines.end() && digit) {
       arguments.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
     } else if (key == "hse" && is_number) {
@@ -63,8 +65,8 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
       return "unknown argument " + std::string(argument);
     }
   }
-  if (!arguments.realtime && (arguments.socket < 0 || arguments.barrier < 0))
-    return "socket=DESCRIPTOR or barrier=BYTE is missing";
+  if (!arguments.realtime && (arguments.socket < 0 || !arguments.barrier))
+    return "socket=DESCRIPTOR or barrier=END is missing";
   return "";
 }
 

@@ -3,7 +3,7 @@
 // It adds to the machine what a chip has and QEMU lacks (harness/emulator/plugin/chip.h), its USARTs among that, and
 // holds the virtual clock:
 //
-//   - a barrier byte that ends what the firmware transmits, and the end of the time granted, stop the virtual processor
+//   - a barrier, the byte that ends what the firmware transmits, and the end of the time granted, stop the virtual processor
 //     until the harness grants more. The instruction counter is the clock (-icount), so virtual time stands still too;
 //   - received bytes reach the USART at their virtual times; one that comes while the last was not read is an
 //     overrun (RM0090, section 30.3.3): it is lost, and the flag set;
@@ -14,8 +14,8 @@
 //     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
 //
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
-// lines are given as numbers of USARTs. `barrier` is the byte that ends a frame of the line's protocol, as a number from
-// 0 to 255: there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
+// lines are given as numbers of USARTs. `barrier` tells where a frame of the line's protocol ends
+// (harness/emulator/frame_end_text.h): there may be an answer to it. `ideal` means that the lines have no rate, so that sending takes no time.
 // `hse` is the rate of the crystal in Hz, 0 when there is none. `coverage` is an inherited descriptor of memory for
 // harness::lockstep::BlockCounts; without it nothing is counted. `debugged` means that QEMU has a port for a debugger.
 //
@@ -75,8 +75,8 @@ void SendUnsent(Uart& uart) {
 }
 
 void SendRegisters(Uart& uart) {
-  const auto [brr, cr1, cr3, clock_hz] = uart.unit->settings();
-  const UsartRegisters now{uart.usart, brr, cr1, cr3, clock_hz};
+  const auto [brr, cr1, cr2, cr3, clock_hz] = uart.unit->settings();
+  const UsartRegisters now{uart.usart, brr, cr1, cr2, cr3, clock_hz};
   if (now == uart.told) return;
   SendUnsent(uart);
   plugin.socket.Send(Kind::kUsart, &now, sizeof(now));
@@ -100,9 +100,10 @@ void OnReceiveTimer(void* opaque) {
     if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.usart));
     uart.unit->Overrun();
   } else {
-    uart.unit->Deliver(received.byte, received.mark == Mark::kFraming ? UsartUnit::kFraming
-                                      : received.mark == Mark::kNoise ? UsartUnit::kNoise
-                                                                      : 0);
+    uart.unit->Deliver(received.word, received.mark == Mark::kFraming  ? UsartUnit::kFraming
+                                      : received.mark == Mark::kNoise  ? UsartUnit::kNoise
+                                      : received.mark == Mark::kParity ? UsartUnit::kParity
+                                                                       : 0);
   }
   ArmReceive(uart, received.waits ? Now() + kPollNs : 0);
 }
@@ -270,7 +271,7 @@ void OnTransmit(int number, std::uint8_t byte) {
     SendRegisters(uart);
     uart.unsent.push_back({Now(), uart.usart, byte});
     const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
-    if (uart.usart == Usart::kMain && uart.frames.FindEnd({&byte, 1})) {
+    if (uart.frames && uart.frames->FindEnd({&byte, 1})) {
       AwaitAnswer();
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
@@ -359,7 +360,7 @@ void BeginLockstep() {
     if (number > UsartUnit::kCount) Die("the machine has no such USART");
     Uart& uart = plugin.uarts[i];
     uart.usart = static_cast<Usart>(i);
-    uart.frames = link::FlagCutter(static_cast<std::uint8_t>(plugin.arguments.barrier));
+    if (uart.usart == Usart::kMain) uart.frames = link::MakeFrameCutter(*plugin.arguments.barrier);
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.unit = &plugin.chip.usart(number);
     if (plugin.arguments.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();

@@ -9,6 +9,7 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -35,7 +36,8 @@ struct Uart {
   Timer timer;
   std::vector<TransmittedByte> unsent;  // not yet told
   UsartRegisters told{};                // of its registers
-  link::FlagCutter frames{0};           // sent ones; the barrier byte is their flag
+  // Where frames that are sent end; null on other lines than the main one.
+  std::unique_ptr<link::FrameCutter> frames;
 };
 
 struct Plugin {

@@ -27,6 +27,7 @@ enum class Message : std::uint8_t {
   kSetOrigin,
   kAdvance,
   kServe,
+  kSendOwn,
   kFinish,
   kHear,
   kStart,
@@ -62,6 +63,13 @@ struct LineView {
   std::vector<faults::FaultEvent> events;
   std::vector<std::uint8_t> records;  // PackedRecords
   TILTPROOF_FIELDS(next_arrival_ns, counts, overfull, events, records)
+};
+
+// A frame that the server sends by itself.
+struct FrameTo {
+  std::size_t client = 0;
+  std::vector<std::uint8_t> frame;
+  TILTPROOF_FIELDS(client, frame)
 };
 
 // A link::Message: both processes have the scenario, and so the protocol's table.

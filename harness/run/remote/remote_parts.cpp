@@ -154,6 +154,8 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Boot
     message_ = Unpacked(*message, protocol_);
     piece.message = &message_;
   }
+  unpacker(parity_errors_);
+  piece.parity_errors = parity_errors_;
   return piece;
 }
 
@@ -194,6 +196,13 @@ void RemotePlantServer::Receive(std::size_t client, BootTime arrival, const link
   Unpacker unpacker(answer);
   ReadState(unpacker);
   for (const auto& frame : unpacker.Next<std::vector<std::vector<std::uint8_t>>>()) reply(frame);
+}
+
+void RemotePlantServer::SendOwn(BootTime now, const SendTo& send) {
+  const auto answer = part_.Ask(RemotePart::Request(Message::kSendOwn, now));
+  Unpacker unpacker(answer);
+  ReadState(unpacker);
+  for (const auto& [client, frame] : unpacker.Next<std::vector<FrameTo>>()) send(client, frame);
 }
 
 void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {

@@ -63,7 +63,7 @@ class RemoteLine final : public Line {
   const link::Protocol& protocol_;
   RecordSink& sink_;
   std::vector<faults::FaultEvent> news_;
-  std::vector<std::uint8_t> piece_;
+  std::vector<std::uint8_t> piece_, parity_errors_;
   link::Message message_;
 };
 
@@ -74,6 +74,7 @@ class RemotePlantServer final : public PlantServer {
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                const Reply& reply) override;
+  void SendOwn(BootTime now, const SendTo& send) override;
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }

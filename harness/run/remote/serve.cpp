@@ -98,7 +98,7 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         std::optional<PackedMessage> message;
         if (piece->message != nullptr) message = Packed(*piece->message);
         answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()),
-               message);
+               message, std::vector<std::uint8_t>(piece->parity_errors.begin(), piece->parity_errors.end()));
         return;
       }
       case Message::kSetOrigin:
@@ -148,6 +148,15 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         server->Receive(
             client, arrival, Unpacked(request.Next<PackedMessage>(), *loaded->scenario.link.protocol),
             [&](std::span<const std::uint8_t> frame) { frames.emplace_back(frame.begin(), frame.end()); });
+        answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
+        return;
+      }
+      case Message::kSendOwn: {
+        std::vector<FrameTo> frames;
+        server->SendOwn(request.Next<BootTime>(),
+                        [&](std::size_t client, std::span<const std::uint8_t> frame) {
+                          frames.push_back({client, {frame.begin(), frame.end()}});
+                        });
         answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
         return;
       }

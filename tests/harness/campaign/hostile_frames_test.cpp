@@ -4,7 +4,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
 #include <numeric>
 #include <set>
 #include <string>
@@ -15,7 +19,10 @@
 #include "harness/campaign/broken_flight.h"
 #include "harness/campaign/hostile_sequence.h"
 #include "harness/engine/flight_job.h"
+#include "link/cobs_framing.h"
 #include "link/frame.h"
+#include "link/hdlc_framing.h"
+#include "link/length_framing.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -88,6 +95,178 @@ TEST(HostileFrames, EveryStatusOfTheDecoderAndOfMessagesComes) {
   for (const auto status : {link::MessageStatus::kOk, link::MessageStatus::kBadLength,
                             link::MessageStatus::kNotFinite, link::MessageStatus::kOutOfRange})
     EXPECT_TRUE(message_statuses.contains(status)) << Name(status);
+}
+
+// A reply with a number of each type, beside one of another length.
+link::Protocol AllNumbers(std::shared_ptr<const link::Framing> framing) {
+  link::Protocol protocol;
+  protocol.name = "numbers";
+  protocol.framing = std::move(framing);
+  protocol.control_period_ns = kNsPerS / 100;
+  link::MessageType reply{.name = "reply",
+                          .kind = link::MessageKind::kReply,
+                          .direction = link::Direction::kToClient,
+                          .id = link::MessageId{.type = link::NumberType::kU16, .bits = 3}};
+  for (std::size_t i = 0; i < link::kNumberTypeCount; ++i)
+    reply.fields.push_back({.signal = "s" + std::to_string(i),
+                            .min = i % 2 == 0 ? 0.0 : -50.0,
+                            .max = 50.0,
+                            .type = static_cast<link::NumberType>(i),
+                            .order = i % 3 == 0 ? link::ByteOrder::kBig : link::ByteOrder::kLittle,
+                            .scale = i < 6 ? 0.5 : 1.0});
+  protocol.messages.push_back(link::LayOut(std::move(reply)));
+  protocol.messages.push_back(
+      link::LayOut({.name = "empty",
+                    .kind = link::MessageKind::kUnknown,
+                    .direction = link::Direction::kToClient,
+                    .id = link::MessageId{.type = link::NumberType::kU16, .bits = 9}}));
+  return protocol;
+}
+
+struct FramingCase {
+  const char* name;
+  std::shared_ptr<const link::Framing> framing;
+  std::set<std::string> statuses;  // all that its reader has
+};
+std::vector<FramingCase> FramingCases() {
+  std::vector<FramingCase> cases;
+  for (const auto check :
+       {link::CheckKind::kFletcher16, link::CheckKind::kCrc16Ibm3740, link::CheckKind::kCrc16IbmSdlc,
+        link::CheckKind::kCrc32IsoHdlc, link::CheckKind::kSum8, link::CheckKind::kNone}) {
+    std::set<std::string> checked;
+    if (check != link::CheckKind::kNone) checked = {"bad_checksum"};
+    const auto with = [&](std::set<std::string> statuses) {
+      statuses.insert(checked.begin(), checked.end());
+      return statuses;
+    };
+    cases.push_back({"length_prefixed",
+                     link::MakeLengthFraming({.sync = {0xAA, 0x55}, .length_bytes = 2}, check),
+                     with({"ok", "bad_length", "no_sync", "aborted"})});
+    if (check != link::CheckKind::kNone) checked.insert("too_short");
+    cases.push_back({"cobs", link::MakeCobsFraming(check), with({"ok", "bad_code", "too_long", "aborted"})});
+    if (check == link::CheckKind::kSum8)
+      checked.erase("too_short");  // what is between two flags is a byte at least
+    cases.push_back({"hdlc", link::MakeHdlcFraming(check),
+                     with({"ok", "dangling_escape", "too_long", "aborted", "no_opening_flag"})});
+  }
+  return cases;
+}
+
+TEST(HostileFrames, EveryStatusOfEachFramingAndCheckComes) {
+  for (const FramingCase& one : FramingCases()) {
+    const link::Protocol protocol = AllNumbers(one.framing);
+    const HostileFrames frames(protocol, link::Direction::kToClient);
+    std::set<std::string> found;
+    Random random(11);
+    for (int i = 0; i < 20'000; ++i) {
+      const LineBytes input = frames.Make(random);
+      const auto reader = one.framing->MakeReader();
+      std::span<const std::uint8_t> rest(input);
+      while (const auto read = reader->Next(rest)) found.emplace(read->status);
+      if (const auto read = reader->Finish()) found.emplace(read->status);
+    }
+    for (const std::string& status : one.statuses)
+      EXPECT_TRUE(found.contains(status))
+          << status << " of " << one.name << " with " << Name(*one.framing->check());
+  }
+}
+
+// Valid frames are messages, and the values of broken ones reach the ends of each type and of each range, and beyond.
+TEST(HostileFrames, NumbersOfEachTypeReachTheirEnds) {
+  const link::Protocol protocol = AllNumbers(link::MakeCobsFraming(link::CheckKind::kCrc32IsoHdlc));
+  const link::MessageType& reply = *protocol.Find("reply");
+  const HostileFrames frames(protocol, link::Direction::kToClient);
+  Random random(13);
+  for (int i = 0; i < 500; ++i) {
+    link::Message message;
+    const auto parts = protocol.framing->Split(frames.Valid(random));
+    ASSERT_EQ(protocol.Decode(link::Direction::kToClient, parts->payload, message), link::MessageStatus::kOk);
+  }
+  std::vector<std::set<double>> found(reply.fields.size());
+  std::vector<int> nans(reply.fields.size());
+  for (int i = 0; i < 60'000; ++i) {
+    const auto parts = protocol.framing->Split(frames.Make(random));
+    if (!parts || protocol.Classify(link::Direction::kToClient, parts->payload) != &reply) continue;
+    for (std::size_t field = 0; field < found.size(); ++field) {
+      const double value = link::FieldValue(reply, parts->payload, field);
+      if (std::isnan(value))
+        ++nans[field];
+      else
+        found[field].insert(value);
+    }
+  }
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    const link::MessageField& field = reply.fields[i];
+    if (link::IsInteger(field.type)) {
+      for (const double number : {link::LeastNumber(field.type), link::LargestNumber(field.type)})
+        EXPECT_TRUE(found[i].contains(field.scale * number)) << Name(field.type) << " " << number;
+      EXPECT_TRUE(found[i].contains(field.max + field.scale))
+          << Name(field.type) << ": just beyond its range";
+    } else {
+      EXPECT_GT(nans[i], 0);
+      for (const double value : {std::numeric_limits<double>::infinity(), link::LeastNumber(field.type)})
+        EXPECT_TRUE(found[i].contains(value)) << Name(field.type) << " " << value;
+    }
+  }
+}
+
+TEST(HostileFrames, CobsInputsHaveFullBlocksAndCodesBeyondTheEnd) {
+  const auto framing = link::MakeCobsFraming(link::CheckKind::kCrc16Ibm3740);
+  const link::Protocol protocol = AllNumbers(framing);
+  const HostileFrames frames(protocol, link::Direction::kToClient);
+  Random random(17);
+  int full = 0, beyond = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const LineBytes input = frames.Make(random);
+    const auto roles = framing->Roles(input);
+    for (std::size_t at = 0; at < input.size(); ++at) {
+      if (roles[at] != link::ByteRole::kCode) continue;
+      const auto end = std::find(input.begin() + static_cast<std::ptrdiff_t>(at), input.end(), 0);
+      const auto left = static_cast<std::size_t>(end - input.begin()) - at;
+      if (input[at] > left)
+        ++beyond;
+      else if (input[at] == 0xFF)
+        ++full;
+    }
+  }
+  EXPECT_GT(full, 20);
+  EXPECT_GT(beyond, 200);
+}
+
+// A number far ahead would make every receiver deaf, so hostile messages are numbered as the flight is.
+TEST(HostileFrames, NumbersAndTimesAreNearThoseOfTheFlight) {
+  const auto hardened = link::FindProtocol("hardened");
+  ASSERT_NE(hardened, nullptr);
+  const link::MessageType& reply = *hardened->Find("reply");
+  const HostileFrames frames(*hardened, link::Direction::kToClient);
+  Random random(19);
+  int count = 0;
+  for (std::int64_t period = 1; period < 3'000; ++period) {
+    const LineBytes before = frames.Make(random);
+    LineBytes input = before;
+    Restamp(*hardened, link::Direction::kToClient, input, period * hardened->control_period_ns);
+    const auto reader = hardened->framing->MakeReader(), unchanged = hardened->framing->MakeReader();
+    std::span<const std::uint8_t> rest(input), rest_before(before);
+    while (const auto read = reader->Next(rest)) {
+      const auto was = unchanged->Next(rest_before);
+      ASSERT_TRUE(was);
+      EXPECT_EQ(read->status, was->status);
+      if (!read->ok || hardened->Classify(link::Direction::kToClient, read->payload) != &reply) continue;
+      for (std::size_t i = 2; i < reply.fields.size(); ++i)
+        EXPECT_EQ(
+            std::isnan(link::FieldValue(reply, read->payload, i)) ? 0.0
+                                                                  : link::FieldValue(reply, read->payload, i),
+            std::isnan(link::FieldValue(reply, was->payload, i)) ? 0.0
+                                                                 : link::FieldValue(reply, was->payload, i));
+      const double ahead = link::FieldValue(reply, read->payload, 0) - static_cast<double>(period);
+      const double ahead_us =
+          link::FieldValue(reply, read->payload, 1) - 12'000.0 * static_cast<double>(period);
+      EXPECT_TRUE(ahead >= -4 && ahead <= 1) << ahead;
+      EXPECT_TRUE(ahead_us >= -48'000 && ahead_us <= 12'000) << ahead_us;
+      ++count;
+    }
+  }
+  EXPECT_GT(count, 500);
 }
 
 HostileSequence SequenceOf(std::uint64_t seed, const HostileSequence& parent) {

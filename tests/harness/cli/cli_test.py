@@ -5,6 +5,7 @@ import os
 import pathlib
 import re
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -14,6 +15,25 @@ import xml.etree.ElementTree
 from command_line import CommandLineTest, PROGRAM, SHORT_HOVER
 
 _, SOURCE, CLIENTS = (pathlib.Path(a).resolve() for a in sys.argv[1:4])
+
+
+OWN_PROTOCOL = """\
+protocol: own
+control_period_ms: 12
+framing: {type: cobs, check: crc16_ibm_3740}
+start: {message: start}
+messages:
+  - {name: start, id: 1, from: client}
+  - {name: request, id: 2, from: client, reply: reply}
+  - {name: reply, id: 4, from: server, fields: [{signal: z_m, type: f32}]}
+  - name: actuators
+    id: 3
+    from: client
+    fields:
+      - {signal: f_r_n, type: u16, scale: 0.001, min: 0, max: 30}
+      - {signal: tau_r_nm, type: i32, scale: 0.001}
+      - {signal: sequence, type: u8}
+"""
 
 
 class CliTest(CommandLineTest):
@@ -27,6 +47,55 @@ class CliTest(CommandLineTest):
                           {"offset": 8, "status": "too_short", "payload": "55"},
                           {"offset": 12, "status": "aborted", "payload": "010203"}])
         self.assertEqual(code, 1)
+
+    def test_frames_of_a_protocol_file(self):
+        """COBS and CRC-16/IBM-3740, encoded by hand: a request with the id 2, a command with integers of 1 mN."""
+        (self.folder / "own.yaml").write_text(OWN_PROTOCOL)
+
+        def crc(data):
+            value = 0xFFFF
+            for byte in data:
+                value ^= byte << 8
+                for _ in range(8):
+                    value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
+            return value.to_bytes(2, "big")
+
+        def cobs(data):
+            return b"".join(bytes([len(part) + 1]) + part for part in data.split(b"\0")) + b"\0"
+
+        command = struct.pack("<BHiB", 3, 12345, -500, 7)
+        stream = cobs(b"\x02" + crc(b"\x02")) + cobs(command + crc(command))
+        code, out, err = self.tiltproof("frame", "decode", "--protocol", "own.yaml", stdin=stream)
+        self.assertEqual((code, err), (0, ""))
+        first, second = (json.loads(line) for line in out.splitlines())
+        self.assertEqual(first["messages"], [{"message": "request", "direction": "to_plant", "status": "ok", "values": {}}])
+        self.assertEqual(second["payload"], command.hex())
+        values = second["messages"][0]["values"]
+        self.assertEqual((second["messages"][0]["message"], values["sequence"]), ("actuators", 7))
+        self.assertAlmostEqual(values["f_r_n"], 12.345)
+        self.assertAlmostEqual(values["tau_r_nm"], -0.5)
+        self.assertEqual(self.tiltproof("frame", "encode", "--protocol", "own.yaml", command.hex()),
+                         (0, cobs(command + crc(command)).hex() + "\n", ""))
+        damaged = stream[:-3] + bytes([stream[-3] ^ 1]) + stream[-2:]
+        code, out, _ = self.tiltproof("frame", "decode", "--protocol", "own.yaml", stdin=damaged)
+        self.assertEqual((code, json.loads(out.splitlines()[1])["status"]), (1, "bad_checksum"))
+        code, _, err = self.tiltproof("frame", "decode", "--protocol", "none.yaml", stdin=b"")
+        self.assertEqual((code, "--protocol none.yaml: no such protocol or file" in err), (2, True), err)
+
+    def test_a_fault_that_the_framing_does_not_have(self):
+        (self.folder / "own.yaml").write_text(OWN_PROTOCOL)
+        for fault, text in (
+                ("{id: a, type: frame.dangling_escape, target: to_client, parameters: {probability: 0.1}}",
+                 "type: frame.dangling_escape needs frames with escaped bytes; the protocol 'own' has the framing 'cobs' without: use one of "
+                 "frame.flag_loss, frame.flag_forgery, frame.truncate"),
+                ("{id: a, type: frame.wrong_id, target: to_client, parameters: {probability: 0.1, id: 300}}",
+                 "parameters.id: the ids of the protocol 'own' are u8: must be a whole number from 0 to 255")):
+            file = self.scenario("hover", **{"seed: 3": f"seed: 3\nlink: {{protocol: own.yaml}}\nfaults:\n  - {fault}"})
+            for command in ("check", "run"):
+                code, _, err = self.tiltproof(command, file)
+                self.assertEqual(code, 2, err)
+                self.assertIn(text, err)
+                self.assertRegex(err, r"hover\.yaml:\d+:\d+: ")
 
     def test_frame_decode_of_good_frames_is_green(self):
         self.assertEqual(self.tiltproof("frame", "decode", stdin=bytes.fromhex("7e7d5e7d5d01fc777e"))[0], 0)
@@ -306,7 +375,15 @@ class CliTest(CommandLineTest):
         code, out, _ = self.tiltproof("link-dump", self.latest() / "hover/link.bin")
         self.assertEqual(code, 0)
         lines = out.splitlines()
-        self.assertRegex(lines[1], r"^ *-0\.0000868\d+ to_plant +sent +ok +4 0000803f +=? ?1$")
+        self.assertRegex(lines[1], r"^ *-0\.0000868\d+ to_plant +sent +ok +4 0000803f  = start$")
+        self.assertRegex(out, r"\n +[\d.]+ to_plant +sent +ok +20 00004040[0-9a-f]{32}  = actuators f_r_n=[\d.]+ f_l_n=[\d.]+ tau_r_nm=")
+        # A log without its scenario has plain numbers, and --protocol names them again.
+        alone = self.folder / "alone.bin"
+        alone.write_bytes((self.latest() / "hover/link.bin").read_bytes())
+        self.assertRegex(self.tiltproof("link-dump", alone)[1].splitlines()[1], r" 0000803f  = 1$")
+        self.assertEqual(self.tiltproof("link-dump", alone, "--protocol", "paper")[1], out)
+        self.assertEqual(self.tiltproof("link-dump", alone, "--protocol", "papr")[::2],
+                         (2, "tiltproof: --protocol papr: no such protocol or file; did you mean 'paper'?\n"))
         self.assertTrue(any("to_client" in line and " ok " in line and " 64 " in line for line in lines))
         damaged = self.folder / "damaged.bin"
         damaged.write_bytes((self.latest() / "hover/link.bin").read_bytes()[:-1])
@@ -466,13 +543,29 @@ class CliTest(CommandLineTest):
         for row in rows:
             self.assertLessEqual(row["low"], row["rate"])
             self.assertLessEqual(row["rate"], row["high"])
-            self.assertLessEqual(row["delivered_wrong"], row["passed_check"])
+            self.assertLessEqual(row["delivered_wrong"], row["passed_length"])
+            self.assertLessEqual(row["passed_length"], row["passed_check"])
+            self.assertEqual(row["hamming_distance"], 2)
         # A sum does not see that bytes changed places.
         self.assertGreater(min(row["passed_check_rate"] for row in rows if row["errors"] == "swap"), 0.5)
-        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000")
-        self.assertEqual((code, out.splitlines()[0]), (0, "paper, hdlc, fletcher16, sensors: wrong frames delivered per frame sent"))
-        for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "valid: paper, provant"),
-                              (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, read_sensors")):
+        code, out, _ = self.tiltproof("integrity", "--errors", "stuck", "--frames", "20000", "--page", "integrity.html")
+        self.assertEqual(code, 0)
+        self.assertRegex(out.splitlines()[0], "^paper, hdlc, fletcher16, (sensors|reply): wrong frames delivered per frame sent$")
+        page = (self.folder / "integrity.html").read_text()
+        data = json.loads(page.split('id="integrity">')[1].split("</script>")[0])
+        self.assertEqual([row["level"] for row in data["rows"]], [1, 2, 4, 8])
+        (self.folder / "own.yaml").write_text("protocol: own\ncontrol_period_ms: 10\nframing: {type: length_prefixed, sync: [0xB5], length: u16, check: sum8}\n"
+            "start: {message: start}\nmessages:\n  - {name: start, id: 1, from: client}\n  - {name: request, id: 2, from: client, reply: state}\n"
+            "  - {name: state, id: 3, from: server, fields: [{signal: z_m, type: i16, scale: 0.01}]}\n"
+            "  - {name: thrust, id: 4, from: client, fields: [{signal: f_r_n, type: u8, min: 0, max: 30}]}\n")
+        code, out, err = self.tiltproof("integrity", "--protocol", "own.yaml", "--errors", "enumerate", "--format", "json")
+        self.assertEqual(code, 0, err)
+        rows = json.loads(out)["rows"]
+        # A frame has a mark, a length of two bytes, an id, two bytes of height and a check: 56 bits.
+        self.assertEqual([(row["protocol"], row["framing"], row["check"], row["message"], row["frames"]) for row in rows], [("own", "length_prefixed", "sum8", "state", n) for n in (56, 1540, 27720)])
+        self.assertGreater(rows[1]["passed_check"], 0)
+        for words, advice in ((("--check", "crc8"), "valid: fletcher16, crc16_ibm_3740"), (("--errors", "noise"), "valid: ber, burst"), (("--protocol", "mavlink"), "no such protocol or file"),
+                              (("--framing", "slip"), "valid: hdlc, cobs"), (("--message", "nothing"), "'paper' has: start, request")):
             code, _, err = self.tiltproof("integrity", *words)
             self.assertEqual(code, 2, words)
             self.assertIn(advice, err)

@@ -2,8 +2,10 @@
 """firmware/examples/python against the shipped firmware: the frames that tiltproof knows, and the commands of a whole
 flight, from what its sensors said. Usage: python_example_test.py TILTPROOF SOURCE_DIR"""
 import csv
+import json
 import math
 import pathlib
+import struct
 import subprocess
 import sys
 import tempfile
@@ -28,9 +30,20 @@ SENSORS = "x_m y_m z_m roll_rad pitch_rad yaw_rad alpha_r_rad alpha_l_rad vx_m_s
 class PythonExampleTest(unittest.TestCase):
     def test_frames_are_those_of_the_program(self):
         for numbers in ((1.0,), (3.0, 10.25, 10.25, 0.5, -0.5), (2.000000238418579, 1.0e30, -0.0078125)):
-            payload = hover.struct.pack(f"<{len(numbers)}f", *numbers)
+            payload = struct.pack(f"<{len(numbers)}f", *numbers)
             done = subprocess.run([PROGRAM, "frame", "encode", payload.hex()], check=True, capture_output=True, text=True)
-            self.assertEqual(hover.frame(*numbers).hex(), done.stdout.strip())
+            paper = hover.paper(hover.TILTROTOR)
+            self.assertEqual(paper.framing.frame(payload + paper.check(payload)).hex(), done.stdout.strip())
+
+    def test_its_paper_is_that_of_the_program(self):
+        done = subprocess.run([PROGRAM, "protocol", "check", "paper", "--format", "json"], check=True, capture_output=True, text=True)
+        described = json.loads(done.stdout)
+        own = hover.paper(hover.TILTROTOR)
+        shown = ("name", "role", "from", "line", "id", "reply", "payload_bytes", "starts")
+        for message, expected in zip(own.description["messages"], described["messages"], strict=True):
+            self.assertEqual({key: message[key] for key in shown}, {key: expected[key] for key in shown})
+            for field, other in zip(message["fields"], expected["fields"], strict=True):
+                self.assertEqual({**field, "min": 0, "max": 0}, {**other, "min": 0, "max": 0})
 
     def test_commands_are_those_of_the_shipped_firmware(self):
         with tempfile.TemporaryDirectory() as folder:

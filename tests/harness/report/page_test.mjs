@@ -312,6 +312,12 @@ check("frames around a moment show damaged bytes", async () => {
   const marked = (await page.locator(".frame.damaged >> nth=0").locator("mark").allTextContents()).join(" ").split(/\s+/);
   assert.equal(sent.length, got.length);
   assert.deepEqual(marked, got.filter((byte, i) => byte !== sent[i]));
+  // Bytes that are not payload say what they are, and values how they are sent.
+  const flag = page.locator(".frame .hex i.flag").first();
+  assert.deepEqual([await flag.textContent(), await flag.getAttribute("title")], ["7e", "flag"]);
+  assert.ok((await page.locator(".frame .hex i.check").count()) > 0);
+  assert.match(await page.locator(".frame .fields span").first().getAttribute("title"), /^f32 at byte \d+, little endian$/);
+  assert.match(await page.locator("#frames .framing").textContent(), /^Framing hdlc, check fletcher16\./);
   assert.ok(await page.locator(".frame.damaged >> nth=0").isVisible());
   await page.screenshot({ path: join(out, "frames-light.png") });
   await page.keyboard.press("Home");
@@ -697,6 +703,23 @@ check("258 margins of two firmwares, dark and small", async () => {
   assert.equal(await page.locator("tr[data-type]").count(), less, "the reader's filter stays");
   await page.setViewportSize({ width: 700, height: 900 });
   await page.waitForFunction(() => document.documentElement.scrollWidth <= innerWidth, null, { timeout: 5000 });
+  await page.close();
+});
+
+check("residual errors have a page with a curve for each kind of damage", async () => {
+  const file = join(out, "integrity.html");
+  const text = execFileSync(tiltproof, ["integrity", "--errors", "burst,swap", "--check", "fletcher16,crc32_iso_hdlc", "--frames", "20000", "--page", file, "--format", "json"], { encoding: "utf8" });
+  const { rows } = JSON.parse(text);
+  const page = await open(file);
+  assert.equal(await page.locator("svg.curves").count(), 2);
+  assert.equal(await page.locator(".rates tbody tr").count(), rows.length);
+  const burst = page.locator('[data-errors="burst"] svg');
+  // Every rate above 0 has a point in both lines, and every 0 a triangle.
+  const own = rows.filter((row) => row.errors === "burst");
+  const above = own.flatMap((row) => [row.rate, row.passed_check_rate]).filter((rate) => rate > 0).length;
+  assert.equal(await burst.locator("circle").count(), above);
+  assert.equal(await burst.locator("path.none").count(), 2 * own.length - above);
+  await page.screenshot({ path: join(out, "integrity-light.png"), fullPage: true });
   await page.close();
 });
 

@@ -24,7 +24,7 @@ Bytes Packed(const T& value) {
 
 template <class Time>
 link::TimedChunk<Time> SomeChunk(Time begin_ns) {
-  return {begin_ns, {0x7E, 1, 2, 3, 0x7E}, link::MessageKind::kReply, 77};
+  return {begin_ns, {0x7E, 1, 2, 3, 0x7E}, 3, 77};
 }
 
 faults::Activation SomeActivation() {
@@ -128,7 +128,7 @@ TEST(Archive, RecordsComeBackInOrderWithEveryMember) {
   ASSERT_EQ(activation.after.size(), 2u);
   EXPECT_EQ(activation.after[1].begin_ns, 12);
   EXPECT_EQ(activation.after[1].bytes, SomeChunk(TimeNs{0}).bytes);
-  EXPECT_EQ(activation.after[1].kind, link::MessageKind::kReply);
+  EXPECT_EQ(activation.after[1].message, 3u);
   EXPECT_EQ(activation.after[1].number, 77u);
 }
 

@@ -306,7 +306,7 @@ TEST(Flight, ARepeatedRequestHasARepliesLatencyOfItsOwn) {
   twice.id = "twice";
   twice.type = "frame.duplicate";
   twice.target = faults::Target::kToPlant;
-  twice.message = link::MessageKind::kRequest;
+  twice.message = "request";
   twice.parameters = {{"probability", 1.0}};
   scenario.faults.push_back(twice);
   const RunLog log = FlyWith(scenario, [](TestClient&) {});

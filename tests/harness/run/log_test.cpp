@@ -19,7 +19,7 @@ using link::Direction;
 Chunk SentFrame(const link::MessageBytes& message) {
   std::array<std::uint8_t, link::FrameBytesMax(link::kMessageBytesMax)> wire;
   const auto frame = link::EncodeFrame(message.span(), wire);
-  return {BootTime(), {frame.bytes.begin(), frame.bytes.end()}, link::MessageKind::kUnknown};
+  return {BootTime(), {frame.bytes.begin(), frame.bytes.end()}, link::kNoMessage};
 }
 
 Chunk SensorFrame(float x_m) {

@@ -145,7 +145,7 @@ TEST_F(OverfullTest, StackedDuplicatesAreAnErrorThatNamesThem) {
 TEST_F(OverfullTest, AFewDuplicatesFillALineInTime) {
   // 2^12 requests a period are some thirty times what the line carries.
   auto faults = Stack(12, "wire.byte_duplicate", Target::kToPlant, 1.0);
-  for (auto& fault : faults) fault.message = link::MessageKind::kRequest;
+  for (auto& fault : faults) fault.message = "request";
   const RunLog log = FlyAsking(std::move(faults), false, 1, 30.0);
   EXPECT_EQ(log.end_reason, EndReason::kLineOverfull);
   EXPECT_GT(log.end_ns, kNsPerS);

@@ -50,6 +50,11 @@ class RandomFiller : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     index = *rc::gen::inRange<std::size_t>(0, words.size());
   }
+  void Bytes(const Key&, std::vector<std::uint8_t>&, std::size_t) override {}
+  void NameOrSection(const Key&, std::span<const std::string_view> names, std::string& name,
+                     const Body&) override {
+    name = names[*rc::gen::inRange<std::size_t>(0, names.size())];
+  }
   void ChoiceByName(const Key&, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule& name_rule) override {
     value.by_name.resize(*rc::gen::inRange<std::size_t>(0, 3));
@@ -301,7 +306,7 @@ link:
   ideal: false
   baud: 921600
   reference_baud: 921600
-  dialect: paper
+  protocol: paper
   adapter_latency_ms: 0
 reference:
   type: hover

@@ -181,7 +181,7 @@ TEST_F(SchemaTest, BrokenScenariosAreRefusedByBoth) {
       good + "faults: [{id: a, type: wire.bit_error, target: up, parameters: {ber: 0}}]\n",
       good + "faults: [{id: a, type: wire.bit_error, target: both, parameters: {ber: 2}}]\n",
       good + "faults: [{id: a, type: wire.bit_error, target: both, parameters: {ber: 0, len: 1}}]\n",
-      good + "faults: [{id: a, type: wire.bit_error, target: both, message: hello, parameters: {ber: 0}}]\n",
+      good + "faults: [{id: a, type: wire.bit_error, target: both, message: '7 a', parameters: {ber: 0}}]\n",
       good + "faults: [{id: a, type: sensor.freeze, target: both, parameters: {signal: z_m}}]\n",
       good + "faults: [{id: a, type: sensor.freeze, parameters: {signal: \"flight level\"}}]\n",
       good + "faults: [{id: a, type: harness.null, probability: 2}]\n",

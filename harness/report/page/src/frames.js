@@ -26,18 +26,23 @@ export function damaged(a, b) {
   return marks;
 }
 
-function hexView(bytes, marks) {
+// Bytes in runs: damaged ones are marked, and the others say what they are, except payload.
+function hexView(bytes, marks, roles) {
   const code = el("code", { class: "hex" });
   let run = "";
-  let marked = false;
+  let kind = "";
   const flush = () => {
-    if (run) code.append(marked ? el("mark", { text: run.trim() , title: "damaged" }) : run, " ");
+    const text = run.trim();
+    if (text && kind === "damaged") code.append(el("mark", { text, title: kind }), " ");
+    else if (text && kind && kind !== "payload") code.append(el("i", { class: kind, text, title: kind }), " ");
+    else if (text) code.append(`${text} `);
     run = "";
   };
   bytes.forEach((byte, i) => {
-    if ((marks?.[i] ?? false) !== marked) {
+    const now = marks?.[i] ? "damaged" : roles?.[i] ?? "";
+    if (now !== kind) {
       flush();
-      marked = marks?.[i] ?? false;
+      kind = now;
     }
     run += `${byte} `;
   });
@@ -45,14 +50,23 @@ function hexView(bytes, marks) {
   return code;
 }
 
+const rolesOf = (flight, frame) => [...(frame.roles ?? "")].map((digit) => flight.framing.roles[digit]);
+
+// Readers of numbers as protocol files name their types, and the digits that are shown.
+const READERS = { u8: "getUint8", i8: "getInt8", u16: "getUint16", i16: "getInt16", u32: "getUint32", i32: "getInt32", f32: "getFloat32", f64: "getFloat64" };
+const DIGITS = { f32: 5, f64: 7, u32: 10, i32: 10 };
+
 function fields(flight, message, payload) {
   const type = flight.messages.find((m) => m.name === message);
   if (!type || type.fields.length === 0) return null;
   const bytes = Uint8Array.from(bytesOf(payload), (byte) => parseInt(byte, 16));
   const view = new DataView(bytes.buffer);
-  const first = type.id ? 4 : 0;
-  if (first + 4 * type.fields.length > bytes.length) return null;
-  return el("div", { class: "fields" }, type.fields.map((name, i) => el("span", {}, el("i", { text: name }), ` ${number(view.getFloat32(first + 4 * i, true), 5)}`)));
+  if (type.bytes > bytes.length) return null;
+  return el("div", { class: "fields" }, type.fields.map((field) => {
+    const value = field.scale * view[READERS[field.type]](field.offset, field.order === "little");
+    const how = [`${field.type} at byte ${field.offset}`, /8$/.test(field.type) ? "" : `${field.order} endian`, field.scale === 1 ? "" : `times ${field.scale}`];
+    return el("span", { title: how.filter(Boolean).join(", ") }, el("i", { text: field.signal }), ` ${number(value, DIGITS[field.type] ?? 6)}${field.as && ` (${field.as})`}`);
+  }));
 }
 
 function frameView(flight, frame) {
@@ -66,7 +80,7 @@ function frameView(flight, frame) {
     el("b", { text: frame.message ?? frame.delivered?.message ?? "" }),
     el("span", { class: `fate ${frame.fate}`, text: frame.fate === "late" && late_ms > 0 ? `late by ${number(late_ms)} ms` : frame.fate }),
     frame.delivered?.status ? el("span", { class: "status", text: `receiver: ${frame.delivered.status.replaceAll("_", " ")}` }) : null)];
-  if (sent) parts.push(el("div", { class: "line" }, got ? el("span", { class: "side", text: "sent" }) : null, hexView(sent)));
+  if (sent) parts.push(el("div", { class: "line" }, got ? el("span", { class: "side", text: "sent" }) : null, hexView(sent, null, rolesOf(flight, frame))));
   if (got) parts.push(el("div", { class: "line" }, el("span", { class: "side", text: "went on" }), hexView(got, frame.fate === "damaged" || frame.fate === "extra" ? marks : null)));
   const meaning = frame.payload ? fields(flight, frame.message, frame.payload) : null;
   if (meaning) parts.push(meaning);
@@ -93,6 +107,8 @@ export function framesSection(flight, clock, program) {
   for (const [key, { count, times }] of fates)
     errors.append(el("button", { type: "button", text: `${count} ${key}: next`, onclick: () => clock.set(times.find((t) => t > clock.time_s + 1e-6) ?? times[0]) }));
   if (flight.line_error_count > flight.line_errors.length) errors.append(el("span", { class: "hint", text: `${flight.line_error_count} frames in all did not go on as sent; the first ${flight.line_errors.length} are here` }));
+  const { name, check } = flight.framing;
+  const about = el("p", { class: "hint framing", text: `Framing ${name}${check && `, check ${check}`}. Bytes that are not payload are slanted; the pointer shows what they are, and how a field is sent.` });
   const dump = el("div", { class: "again dump" }, el("span", { text: "All frames: " }), copyable(`${program} link-dump ${flight.folder}/link.bin`, "the command that prints all frames"));
 
   let drawn = null;
@@ -139,6 +155,6 @@ export function framesSection(flight, clock, program) {
     if (!clock.closed) timer = setTimeout(fill, clock.playing ? 400 : 80);
   });
   fill();
-  return el("section", { id: "frames", "aria-labelledby": "frames-h" }, el("h2", { id: "frames-h", text: "On the lines at the cursor" }), errors, told, dump, list,
+  return el("section", { id: "frames", "aria-labelledby": "frames-h" }, el("h2", { id: "frames-h", text: "On the lines at the cursor" }), errors, told, about, dump, list,
     el("details", {}, el("summary", { text: "All signals at the cursor" }), el("div", { class: "scroll" }, table)));
 }

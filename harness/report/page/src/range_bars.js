@@ -49,6 +49,7 @@ export function repaint(root) {
     if (shape instanceof SVGElement) shape.setAttribute("fill", colour);
     else shape.style.background = colour;
   }
+  for (const shape of root.querySelectorAll("[data-stroke]")) shape.setAttribute("stroke", colourOf(Number(shape.dataset.stroke)));
 }
 
 export const levelText = ({ survives, fails }) => (survives === null ? "none" : fails === null ? "all" : number(survives, 4));

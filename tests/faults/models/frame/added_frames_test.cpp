@@ -56,7 +56,7 @@ TEST(UnsolicitedTest, AreMessagesOfTheirDirectionAtTheirRate) {
   }
   EXPECT_FALSE(by_name.contains("start"));
   EXPECT_EQ(by_name.size(), 2U);
-  EXPECT_TRUE(AreUniform({by_name["actuators"], by_name["read_sensors"]}));
+  EXPECT_TRUE(AreUniform({by_name["actuators"], by_name["request"]}));
   EXPECT_TRUE(HaveCdf(values, [](double x) { return x; }));
 }
 

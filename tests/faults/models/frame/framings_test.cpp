@@ -27,7 +27,7 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
                                      int count = 300) {
   FaultSchedule schedule({spec}, 1, {.protocol = protocol});
   schedule.SetOrigin(kOriginAtPowerOn);
-  const link::MessageType& type = *protocol->Find("sensors");
+  const link::MessageType& type = *protocol->Find("reply");
   std::vector<std::vector<Bytes>> out;
   for (int n = 0; n < count; ++n) {
     std::vector<double> values;
@@ -36,7 +36,7 @@ std::vector<std::vector<Bytes>> Send(const FaultSpec& spec, const std::shared_pt
     std::vector<link::Chunk> chunks = {
         {.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n)),
          .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),
-         .kind = type.kind,
+         .message = static_cast<std::uint8_t>(&type - protocol->messages.data()),
          .number = static_cast<std::uint64_t>(n)}};
     if (auto* filter = schedule.Filter(link::Direction::kToClient)) filter->Apply(chunks);
     auto& bytes = out.emplace_back();
@@ -154,19 +154,143 @@ TEST(Framings, NoiseHasTheFlagAtItsEnds) {
 
 TEST(Framings, AFaultThatNeedsAFlagOrAnEscapeSaysSo) {
   const auto problem = [](const char* type, const std::shared_ptr<const Protocol>& protocol) {
-    return FramingProblem(*FindFaultType(type), *protocol);
+    const auto found = ProtocolProblem(ExampleSpec(*FindFaultType(type)), *protocol);
+    return found ? found->key + ": " + found->message : "";
   };
-  EXPECT_EQ(problem("frame.dangling_escape", Cobs()),
-            "frame.dangling_escape needs frames with escaped bytes; the protocol 'paper' has the framing "
-            "'cobs' without");
+  EXPECT_EQ(
+      problem("frame.dangling_escape", Cobs()),
+      "type: frame.dangling_escape needs frames with escaped bytes; the protocol 'paper' has the framing "
+      "'cobs' without: use one of frame.flag_loss, frame.flag_forgery, frame.truncate");
   EXPECT_EQ(
       problem("frame.flag_loss", Length()),
-      "frame.flag_loss needs frames with a flag; the protocol 'paper' has the framing 'length' without");
+      "type: frame.flag_loss needs frames with a flag at their end; the protocol 'paper' has the framing "
+      "'length' without: use one of frame.length_error, frame.truncate");
   EXPECT_NE(problem("frame.flag_forgery", Length()), "");
+  EXPECT_EQ(
+      problem("frame.length_error", Paper()),
+      "type: frame.length_error needs frames with a length in front; the protocol 'paper' has the framing "
+      "'hdlc' without: use one of frame.flag_loss, frame.flag_forgery, frame.dangling_escape, "
+      "frame.truncate");
+  EXPECT_EQ(problem("frame.length_error", Length()), "");
   EXPECT_EQ(problem("frame.flag_loss", Cobs()), "");
   EXPECT_EQ(problem("frame.drop", Length()), "");
   EXPECT_EQ(problem("sensor.bias", Length()), "");
-  for (const FaultType& type : FaultTypes()) EXPECT_EQ(FramingProblem(type, *Paper()), "");
+  for (const FaultType& type : FaultTypes())
+    if (type.name != "frame.length_error") EXPECT_EQ(problem(std::string(type.name).c_str(), Paper()), "");
+}
+
+// A protocol whose messages have ids of one byte and integers.
+std::shared_ptr<const Protocol> Integers() {
+  auto protocol = std::make_shared<Protocol>(*Paper());
+  protocol->name = "integers";
+  protocol->messages.clear();
+  const auto add = [&](link::MessageKind kind, link::Direction direction, std::uint32_t id,
+                       std::vector<link::MessageField> fields) {
+    protocol->messages.push_back(
+        link::LayOut({.name = std::string(link::Name(kind)),
+                      .kind = kind,
+                      .direction = direction,
+                      .id = link::MessageId{.type = link::NumberType::kU8, .bits = id},
+                      .fields = std::move(fields)}));
+  };
+  add(link::MessageKind::kRequest, link::Direction::kToPlant, 1, {});
+  add(link::MessageKind::kReply, link::Direction::kToClient, 2,
+      {{.signal = "z_m", .min = -20, .max = 20, .type = link::NumberType::kI16, .scale = 0.001},
+       {.signal = "count", .min = 0, .max = 255, .type = link::NumberType::kU8},
+       {.signal = "x_m",
+        .min = -1e3,
+        .max = 1e3,
+        .type = link::NumberType::kF64,
+        .order = link::ByteOrder::kBig}});
+  return protocol;
+}
+
+TEST(Framings, ValuesThatAFieldCannotHoldAreRefused) {
+  const auto problem = [](const char* field, const char* kind) {
+    const auto found = ProtocolProblem(
+        Spec("frame.semantic", {{"field", field}, {"kind", kind}, {"probability", 1.0}}), *Integers());
+    return found ? found->key + ": " + found->message : "";
+  };
+  EXPECT_EQ(problem("z_m", "nan"),
+            "parameters.kind: 'nan' is no value of z_m, which is sent as i16 in the protocol 'integers': use "
+            "offset, sign_flip or stale");
+  EXPECT_EQ(
+      problem("count", "out_of_range"),
+      "parameters.kind: 'out_of_range' is no value of count, which is sent as u8 with all its numbers in "
+      "range in the protocol 'integers': use offset, sign_flip or stale");
+  for (const char* kind : {"out_of_range", "sign_flip", "offset", "stale"})
+    EXPECT_EQ(problem("z_m", kind), "");
+  for (const char* kind : {"nan", "inf", "denormal", "out_of_range"}) EXPECT_EQ(problem("x_m", kind), "");
+  const auto wrong_id = [](double id, const std::shared_ptr<const Protocol>& protocol) {
+    const auto found = ProtocolProblem(Spec("frame.wrong_id", {{"id", id}, {"probability", 1.0}}), *protocol);
+    return found ? found->key + ": " + found->message : "";
+  };
+  EXPECT_EQ(wrong_id(256, Integers()),
+            "parameters.id: the ids of the protocol 'integers' are u8: must be a whole number from 0 to 255");
+  EXPECT_NE(wrong_id(1.5, Integers()), "");
+  EXPECT_EQ(wrong_id(255, Integers()), "");
+  EXPECT_EQ(wrong_id(1.5, Paper()), "");
+}
+
+TEST(Framings, ValuesAndIdsAreWrittenAsTheProtocolSendsThem) {
+  const auto protocol = Integers();
+  const auto payload_of = [&](const FaultSpec& spec, const std::vector<double>& values) {
+    FaultSchedule schedule({spec}, 1, {.protocol = protocol});
+    schedule.SetOrigin(kOriginAtPowerOn);
+    const link::MessageType& type = *protocol->Find("reply");
+    std::vector<link::Chunk> chunks = {
+        {.begin_ns = kOriginAtPowerOn.ToBootTime(0),
+         .bytes = protocol->framing->Encode(protocol->Encode(type, values).span()),
+         .message = static_cast<std::uint8_t>(&type - protocol->messages.data()),
+         .number = 0}};
+    schedule.Filter(link::Direction::kToClient)->Apply(chunks);
+    return protocol->framing->Split(chunks.at(0).bytes)->payload;
+  };
+  // 3.5 m is 3500 mm: 0DAC, the low byte first. 1.0 is 3FF0... , the high byte first.
+  EXPECT_EQ(payload_of(Spec("frame.wrong_id", {{"id", 9.0}, {"probability", 1.0}}), {3.5, 7, 1}),
+            (Bytes{9, 0xAC, 0x0D, 7, 0x3F, 0xF0, 0, 0, 0, 0, 0, 0}));
+  const auto semantic = [](const char* field, const char* kind, double value) {
+    return Spec("frame.semantic", {{"field", field}, {"kind", kind}, {"probability", 1.0}, {"value", value}});
+  };
+  EXPECT_EQ(payload_of(semantic("z_m", "sign_flip", 0), {3.5, 7, 1}),
+            (Bytes{2, 0x54, 0xF2, 7, 0x3F, 0xF0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(payload_of(semantic("z_m", "out_of_range", 0), {3.5, 7, 1}),
+            (Bytes{2, 0xFF, 0x7F, 7, 0x3F, 0xF0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(payload_of(semantic("count", "offset", 250), {3.5, 7, 1}),
+            (Bytes{2, 0xAC, 0x0D, 255, 0x3F, 0xF0, 0, 0, 0, 0, 0, 0}));
+  EXPECT_EQ(payload_of(semantic("x_m", "inf", 0), {3.5, 7, 1}),
+            (Bytes{2, 0xAC, 0x0D, 7, 0x7F, 0xF0, 0, 0, 0, 0, 0, 0}));
+}
+
+// The receiver is the tiny reader, which shares no code with the fault.
+TEST(Framings, AWrongLengthEatsItsNeighbours) {
+  const auto honest = Send(Spec("harness.null"), Length());
+  FaultSpec spec = Spec("frame.length_error", {{"probability", 1.0}});
+  spec.every_nth_count = 10;
+  const auto hit = Send(spec, Length());
+  std::size_t changed = 0;
+  for (std::size_t n = 0; n < honest.size(); ++n) {
+    const Bytes &before = honest[n].at(0), &after = hit[n].at(0);
+    ASSERT_EQ(after.size(), before.size());
+    for (std::size_t i = 0; i < before.size(); ++i)
+      if (after[i] != before[i]) {
+        EXPECT_TRUE(i == 1 || i == 2) << "byte " << i << " is no length";
+        ++changed;
+      }
+  }
+  EXPECT_EQ(changed, 30U);
+  const Read read = Decode(hit, *Length());
+  EXPECT_LT(read.payloads.size(), honest.size() - 30) << "a length that is too large takes other frames";
+}
+
+TEST(Framings, AFrameThatLosesItsEndTakesTheNextOne) {
+  FaultSpec spec = Spec("frame.truncate", {{"probability", 1.0}});
+  spec.every_nth_count = 10;
+  const std::size_t sent = 300;
+  // The opening flag of the next frame ends it in HDLC alone.
+  EXPECT_EQ(Decode(Send(spec, Paper()), *Paper()).payloads.size(), sent - 30);
+  EXPECT_EQ(Decode(Send(spec, Cobs()), *Cobs()).payloads.size(), sent - 60 + 1) << "the last one has no next";
+  EXPECT_LT(Decode(Send(spec, Length()), *Length()).payloads.size(), sent - 30);
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ inline link::Chunk MessageFrame(const std::string& message, std::int64_t n) {
   const auto frame = link::EncodeFrame(payload.span(), buffer).bytes;
   link::Chunk chunk{.begin_ns = kOriginAtPowerOn.ToBootTime(FrameTime(n)),
                     .bytes = {frame.begin(), frame.end()},
-                    .kind = type.kind,
+                    .message = PlaceInPaper(message),
                     .number = static_cast<std::uint64_t>(n)};
   return chunk;
 }

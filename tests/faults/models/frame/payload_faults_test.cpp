@@ -32,7 +32,7 @@ std::pair<unsigned, unsigned> SlowSums(const Bytes& bytes) {
 }
 
 TEST(FrameEditTest, ChangesNothingByItself) {
-  for (const char* message : {"start", "read_sensors", "actuators", "sensors", "reference"}) {
+  for (const char* message : {"start", "request", "actuators", "sensors", "reference"}) {
     for (std::int64_t n = 0; n < 300; ++n) {
       const Bytes frame = MessageFrame(message, n).bytes;
       const FrameEdit edit(*PaperProtocol().framing, frame);
@@ -141,7 +141,7 @@ TEST(WrongIdTest, IsSentWithARightChecksum) {
 TEST(WrongIdTest, CanMakeAnotherMessage) {
   const auto start = static_cast<double>(std::bit_cast<float>(PaperProtocol().Find("start")->id->bits));
   const FaultSpec spec = Spec("frame.wrong_id", {{"id", start}, {"probability", 1.0}});
-  for (const Heard& heard : Decoded(SendMessages(spec, "read_sensors", 5)))
+  for (const Heard& heard : Decoded(SendMessages(spec, "request", 5)))
     EXPECT_EQ(PaperProtocol().Classify(Direction::kToPlant, heard.payload), PaperProtocol().Find("start"));
 }
 
@@ -214,12 +214,11 @@ TEST(SemanticTest, MessagesWithoutTheFieldPass) {
 }
 
 TEST(SemanticTest, FieldsAreThoseOfTheMessagesThatPass) {
-  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToPlant, std::nullopt),
+  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToPlant),
             (std::vector<std::string>{"f_r_n", "f_l_n", "tau_r_nm", "tau_l_nm"}));
-  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToPlant, link::MessageKind::kRequest),
-            std::vector<std::string>());
-  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToClient, std::nullopt).size(), 16U);
-  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kBoth, std::nullopt).size(), 20U);
+  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToPlant, "request"), std::vector<std::string>());
+  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kToClient).size(), 16U);
+  EXPECT_EQ(FieldNames(PaperProtocol(), Target::kBoth).size(), 20U);
 }
 
 }  // namespace

@@ -58,14 +58,14 @@ TEST(ReorderTest, LosesNothingButWhatIsHeldAtTheEnd) {
 TEST(ReorderTest, OtherMessagesDoNotCount) {
   FaultSpec spec = Spec("frame.reorder", {{"probability", 1.0}, {"depth_count", 1.0}});
   spec.target = Target::kToPlant;
-  spec.message = link::MessageKind::kActuators;
+  spec.message = "actuators";
   spec.end_ns = 1;  // frame 0 only
   FaultSchedule schedule({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::uint64_t> order;
   for (std::int64_t n = 0; n < 5; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].kind = n % 3 == 0 ? link::MessageKind::kActuators : link::MessageKind::kRequest;
+    chunks[0].message = PlaceInPaper(n % 3 == 0 ? "actuators" : "request");
     schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     for (const auto& chunk : chunks) order.push_back(chunk.number);
   }

@@ -39,7 +39,7 @@ TEST(ReplayStaleTest, ReplaysTheSameMessage) {
   schedule.SetOrigin(kOriginAtPowerOn);
   for (std::int64_t n = 0; n < 20; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};
-    chunks[0].kind = n % 2 == 0 ? link::MessageKind::kRequest : link::MessageKind::kActuators;
+    chunks[0].message = PlaceInPaper(n % 2 == 0 ? "request" : "actuators");
     schedule.Filter(link::Direction::kToPlant)->Apply(chunks);
     EXPECT_EQ(chunks.at(0).bytes, Frame(n < 2 ? n : n - 2).bytes) << n;
   }

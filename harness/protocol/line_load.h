@@ -1,0 +1,33 @@
+// The bytes that a protocol puts on its lines: of each message, and in each control period.
+//
+//   const LineLoad load = LineLoadOf(protocol, link::Direction::kToClient);
+//   const double share = LineTime_s(load.bytes, baud) / period_s;
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "link/protocol.h"
+
+namespace tiltproof::harness {
+
+// Lengths of the frame of a payload: when no byte needs stuffing, and when all do that can.
+struct FrameBytes {
+  std::size_t least = 0, most = 0;
+};
+FrameBytes FrameBytesOf(const link::Framing& framing, std::size_t payload_bytes);
+
+// The number of such messages in each control period: 1 for requests, their replies, actuators and references; the share of
+// the period for a message that the server sends by itself. nullopt: the protocol does not say when the message is sent.
+std::optional<double> CountEachPeriod(const link::Protocol& protocol, const link::MessageType& type);
+
+// All messages of a direction, in one control period.
+struct LineLoad {
+  double bytes = 0, bytes_max = 0;
+};
+LineLoad LineLoadOf(const link::Protocol& protocol, link::Direction direction);
+
+// Time that these bytes take one behind the other, in s; a byte has 10 bits (8N1). `baud` is positive.
+inline double LineTime_s(double bytes, std::int64_t baud) { return bytes * 10.0 / static_cast<double>(baud); }
+
+}  // namespace tiltproof::harness
