@@ -469,7 +469,9 @@ TEST_F(ReaderTest, ModelFiles) {
   EXPECT_THAT(ErrorsWith("model: other.sdf\n"),
               ElementsAre("4:8: model: there is no file " + (folder_ / "other.sdf").string()));
   EXPECT_THAT(ErrorsWith("model: ../models/tiltrotor\n"),
-              ElementsAre(HasSubstr("4:8: model: unknown model")));
+              ElementsAre(HasSubstr("4:8: model: there is no file")));
+  EXPECT_THAT(ErrorsWith("model: tiltroto\n"),
+              ElementsAre(HasSubstr("4:8: model: unknown model 'tiltroto'")));
 
   bool allowed = false;
   options_.check_model = [&](const fs::path& file, bool allow_invalid_inertia) -> std::optional<std::string> {
