@@ -77,6 +77,7 @@ struct SensorKind {
 // Edits the input in force.
 struct ActuatorKind {
   std::unique_ptr<ActuatorModel> (*make)(const SignalSetup&) = nullptr;
+  bool needs_force = false;  // its `actuator` is a thrust or a torque, not the angle of a servo
 };
 
 // Disturbs the vehicle itself.

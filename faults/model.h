@@ -31,13 +31,7 @@ namespace tiltproof::faults {
 // Limit of the text about one activation.
 inline constexpr std::size_t kWhatBytesMax = 4000;
 
-// The rate of the line that a wire model acts on.
-struct LineRate {
-  std::int64_t baud = 921'600;  // 0: ideal, bytes take no time
-  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(baud, byte_count); }
-  // Where the time of a byte within its frame matters, an ideal line uses the paper's rate.
-  std::int64_t clock_baud() const { return baud == 0 ? 921'600 : baud; }
-};
+using link::LineRate;
 
 // A wire model's knowledge besides the chunk.
 struct WireContext {
@@ -135,7 +129,7 @@ struct SignalSetup {
 
 // Treatment of a byte by the firmware's receiver. A byte that is not lost is delivered unchanged, with the flag
 // set that the USART then shows (RM0090, section 30.3.3).
-enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
+enum class ReceiveMark : std::uint8_t { kNone, kOverrun, kFraming, kNoise, kParity };
 std::string_view Name(ReceiveMark mark);  // "none", "overrun", ...
 
 // Input to the factory of a wire model.

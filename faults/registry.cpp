@@ -136,7 +136,7 @@ struct FormerType {
 constexpr FormerType kFormerTypes[] = {
     {"clock.skew", "was replaced by clock.drift {node, ppm} and clock.jump {node, jump_ms}"},
     {"device.clock_drift", "was replaced by clock.drift {ppm}"},
-    {"uart.parity_error", "was removed: all lines are 8N1, where no receiver checks parity"},
+    {"uart.parity_error", "was removed: set link.parity, and flip bits with wire.bit_error"},
 };
 
 // Largest number of commands of one fault: one in every control period of four minutes.
@@ -335,6 +335,8 @@ std::string_view Name(ReceiveMark mark) {
       return "overrun";
     case ReceiveMark::kFraming:
       return "framing error";
+    case ReceiveMark::kParity:
+      return "parity_error";
     case ReceiveMark::kNoise:
       return "noise error";
   }

@@ -53,7 +53,10 @@ struct FaultSchedule::State {
   State(std::size_t fault_count, std::uint64_t seed_in, const Place& place)
       : protocol(place.protocol), recorder(fault_count), seed(seed_in), grows(place.grows) {
     for (WireFaults& wire : wires) wire.SetRecorder(&recorder);
-    for (LineRate& rate : rates) rate.baud = place.baud;
+    for (LineRate& rate : rates) {
+      rate.baud = place.baud;
+      rate.character = place.character;
+    }
     rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
     if (place.signals) {
       signals = *place.signals;
@@ -251,15 +254,15 @@ void FaultSchedule::EditInput(TimeNs t, std::span<double> input, bool new_comman
 Disturbance FaultSchedule::DisturbanceOf(TimeNs t) { return state_->Vehicle().DisturbanceOf(t); }
 
 void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
-                                 std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks) {
+                                 std::span<const std::uint8_t> bytes, std::vector<ReceiveMark>& marks,
+                                 std::span<const std::uint8_t> parity_errors) {
   BootTime& received = state_->received_ns[static_cast<std::size_t>(direction)];
   Check(received <= last_arrival, "bytes reach the receiver in order of time");
   received = last_arrival;
   marks.assign(bytes.size(), ReceiveMark::kNone);
-  if (state_->receivers.empty()) return;
   const LineRate& rate = state_->rates[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
-  for (std::size_t i = 0; i < bytes.size(); ++i, ++number) {
+  for (std::size_t i = 0; i < bytes.size() && !state_->receivers.empty(); ++i, ++number) {
     const BootTime arrival = last_arrival - rate.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {
       if (injector.direction != direction ||
@@ -280,6 +283,8 @@ void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
       });
     }
   }
+  for (std::size_t i = 0; i < parity_errors.size(); ++i)
+    if (parity_errors[i] != 0 && marks[i] == ReceiveMark::kNone) marks[i] = ReceiveMark::kParity;
 }
 
 void FaultSchedule::Count(std::size_t fault, TimeNs t, std::string what) {

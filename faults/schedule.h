@@ -39,6 +39,7 @@ class FaultSchedule {
   struct Place {
     std::int64_t baud = 921'600;            // of the main line; 0 = ideal
     std::int64_t reference_baud = 921'600;  // of the reference line
+    link::CharacterFormat character = {};   // of both
     std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");
     // The vehicle's signals, where the plant is; without them the faults on the vehicle are only counted
     // here.
@@ -98,9 +99,10 @@ class FaultSchedule {
   // Bytes that arrive back to back at the firmware's receiver, the last of them at `last_arrival`. Sets
   // `marks` to the receiver's mark of each byte. Call it with every byte of the main line to the client and
   // of the reference line, in order; the result does not depend on how the bytes are split over calls. A byte
-  // has one mark: of several faults that pick it, the first in the file decides.
+  // has one mark: of several faults that pick it, the first in the file decides, and a parity error of the line
+  // (link::Chunk::parity_errors) shows where no fault picks the byte.
   void MarkReceived(link::Direction direction, BootTime last_arrival, std::span<const std::uint8_t> bytes,
-                    std::vector<ReceiveMark>& marks);
+                    std::vector<ReceiveMark>& marks, std::span<const std::uint8_t> parity_errors = {});
 
   // A command of faults/node_command.h or faults/device_command.h was carried out at `t`, in simulation time;
   // `what` describes it.

@@ -145,6 +145,22 @@ std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKin
   return names;
 }
 
+std::optional<std::string> Unsuited(const FaultSpec& fault, const FaultType& type,
+                                    const VehicleSignals& signals) {
+  if (const auto* plant = type.As<PlantKind>(); plant != nullptr && plant->is_wind && !signals.feels_wind)
+    return "moves only a vehicle with drag; this one's file has no <tiltproof:drag> (tiltrotor_drag has one)";
+  const auto* actuator = type.As<ActuatorKind>();
+  const auto named = fault.parameters.find("actuator");
+  if (actuator == nullptr || !actuator->needs_force || named == fault.parameters.end()) return std::nullopt;
+  const std::string* name = std::get_if<std::string>(&named->second);
+  for (const Signal& input : signals.inputs)
+    if (name != nullptr && input.unit == "rad" && input.name == *name + "_rad")
+      return Concat({"needs a thrust or a torque; '", *name,
+                     "' is a servo that is commanded by angle (plant.servo_jam and plant.servo_runaway "
+                     "act on its joint)"});
+  return std::nullopt;
+}
+
 std::vector<std::string> SensorsNamedBy(const VehicleSignals& signals, std::string_view name) {
   std::vector<std::string> names;
   for (const Signal& signal : signals.sensors)

@@ -12,6 +12,7 @@
 #include <string_view>
 #include <vector>
 
+#include "faults/fault_type.h"
 #include "faults/model.h"
 #include "faults/parameters.h"
 
@@ -42,6 +43,11 @@ bool IsSignalName(std::string_view text);
 // The values that a parameter of this kind (one of NamesSignal() or NamesPart()) may have for a vehicle with these signals, in
 // the order of its table.
 std::vector<std::string> SignalNames(const VehicleSignals& signals, ParameterKind kind);
+
+// The reason that a fault cannot do to this vehicle what it models, as words behind the type's name: wind, on a
+// vehicle without drag; a fault of force, on a servo that is commanded by angle. None: it can.
+std::optional<std::string> Unsuited(const FaultSpec& fault, const FaultType& type,
+                                    const VehicleSignals& signals);
 
 // The sensors that kAllSensors or the name of a group stands for; none for any other name.
 std::vector<std::string> SensorsNamedBy(const VehicleSignals& signals, std::string_view name);

@@ -9,7 +9,7 @@ namespace tiltproof::faults {
 namespace {
 
 bool SameBytesAndTime(const link::Chunk& a, const link::Chunk& b) {
-  return a.begin_ns == b.begin_ns && a.bytes == b.bytes;
+  return a.begin_ns == b.begin_ns && a.bytes == b.bytes && a.parity_errors == b.parity_errors;
 }
 
 std::size_t Weight(std::span<const link::Chunk> chunks) {
@@ -134,6 +134,9 @@ void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& r
   const bool returned = sent_back_.size() > back_begin;
   if (!returned && after.size() == 1 && SameBytesAndTime(after[0], before_)) return;
   injector.returned = injector.returned || returned;
+  // Other bytes than came in are sent with the parity bits that fit them.
+  for (link::Chunk& made : std::span(out_).subspan(out_begin))
+    if (made.parity_errors.size() != made.bytes.size()) made.parity_errors.clear();
   const std::size_t weight = Weight(after);
   injector.multiplied = injector.multiplied || weight > link::WeightOf(before_);
   injector.delayed = injector.delayed || (after.size() == 1 && after[0].begin_ns > before_.begin_ns);

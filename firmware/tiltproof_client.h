@@ -58,7 +58,7 @@ typedef struct {
   void (*log)(void* context, int64_t now_ns, const char* text);
   /* From version 2 on: what a controller must know of the vehicle, as one JSON object. NULL for the shipped builds that
    * fly the tilt-rotor.
-   *   vehicle           {"name", "mass_kg"}
+   *   vehicle           {"name", "model" (of the scenario, as written), "mass_kg"}
    *   control_period_s  of the protocol
    *   angular_rates     axes of the sensed angular rates: "world", "body" or "euler"
    *   signals           of the server's messages, in their order: [{"name", "unit", "hover"}, ...]

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "link/character.h"
 #include "link/fields.h"
 #include "link/time.h"
 
@@ -36,7 +37,26 @@ struct TimedChunk {
   std::uint8_t message = kNoMessage;  // of the frame as sent: its place in the protocol's table
   // Number of the frame as sent, from 0 in its direction. The wire assigns it; copies and fragments keep it.
   std::uint64_t number = 0;
-  TILTPROOF_FIELDS(begin_ns, bytes, message, number)
+  // One for each byte: 1 where the parity bit does not fit the byte. Empty when all fit.
+  std::vector<std::uint8_t> parity_errors = {};
+  TILTPROOF_FIELDS(begin_ns, bytes, message, number, parity_errors)
+
+  bool HasParityError(std::size_t byte) const { return !parity_errors.empty() && parity_errors[byte] != 0; }
+  void Append(std::uint8_t byte, bool parity_error) {
+    if (parity_error && parity_errors.empty()) parity_errors.resize(bytes.size());
+    bytes.push_back(byte);
+    if (parity_error || !parity_errors.empty()) parity_errors.push_back(parity_error ? 1 : 0);
+  }
+  // Appends a byte of another chunk, with the state of its parity bit.
+  void Append(const TimedChunk& from, std::size_t byte) {
+    Append(from.bytes[byte], from.HasParityError(byte));
+  }
+  // The bytes [from, to) of this chunk, as a chunk with its begin, message and number.
+  TimedChunk Part(std::size_t from, std::size_t to) const {
+    TimedChunk part{.begin_ns = begin_ns, .bytes = {}, .message = message, .number = number};
+    for (std::size_t byte = from; byte < to; ++byte) part.Append(*this, byte);
+    return part;
+  }
 };
 using Chunk = TimedChunk<BootTime>;
 using LogChunk = TimedChunk<TimeNs>;
@@ -46,12 +66,8 @@ using LogChunk = TimedChunk<TimeNs>;
 inline constexpr std::size_t kLineBytesMax = std::size_t{8} << 20;
 // The weight of a chunk is its bytes and its overhead in memory.
 inline constexpr std::size_t kChunkOverheadBytes = 64;
-inline std::size_t WeightOf(const Chunk& chunk) { return chunk.bytes.size() + kChunkOverheadBytes; }
-
-// Time that a number of bytes takes on a line, 8N1 (ten bits per byte), rounded down to nanoseconds; baud 0
-// is an ideal line, where bytes take no time.
-constexpr TimeNs BytesTime(std::int64_t baud, std::int64_t byte_count) {
-  return baud == 0 ? 0 : byte_count * 10 * kNsPerS / baud;
+inline std::size_t WeightOf(const Chunk& chunk) {
+  return chunk.bytes.size() + chunk.parity_errors.size() + kChunkOverheadBytes;
 }
 
 // Acts on what passes a wire, as the faults do. It gets each frame as sent, as one chunk, and leaves any number of

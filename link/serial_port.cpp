@@ -39,7 +39,7 @@ namespace asio = boost::asio;
 using boost::system::error_code;
 
 constexpr std::size_t kReadBytesMax = 4096;
-// Further off, 8N1 receivers sample the wrong bit.
+// Further off, receivers sample the wrong bit.
 constexpr double kBaudErrorMax = 0.02;
 
 // /dev/ptmx.
@@ -117,19 +117,35 @@ OwnedDescriptor OpenDevice(const std::string& device) {
   return descriptor;
 }
 
-// Raw 8N1: no byte means anything to the line discipline, and none is held back.
-void MakeRaw(const std::string& device, int descriptor) {
+constexpr tcflag_t kFormatFlags = CSIZE | PARENB | PARODD | CSTOPB;
+
+tcflag_t FlagsOf(const CharacterFormat& character) {
+  tcflag_t flags = character.data_bits == 7 ? CS7 : CS8;
+  if (character.has_parity()) flags |= PARENB;
+  if (character.parity == Parity::kOdd) flags |= PARODD;
+  if (character.stop_bits == 2) flags |= CSTOPB;
+  return flags;
+}
+
+// Raw: no byte means anything to the line discipline, and none is held back.
+void MakeRaw(const std::string& device, int descriptor, const CharacterFormat& character) {
   struct termios settings {};
   if (tcgetattr(descriptor, &settings) != 0) Refuse(device, std::strerror(errno));
   cfmakeraw(&settings);
   settings.c_iflag &= ~static_cast<tcflag_t>(IXON | IXOFF | IXANY | INPCK);
-  settings.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | CSTOPB | CRTSCTS | CIBAUD);
-  settings.c_cflag |= CS8 | CREAD | CLOCAL;
+  settings.c_cflag &= ~static_cast<tcflag_t>(CSIZE | PARENB | PARODD | CMSPAR | CSTOPB | CRTSCTS | CIBAUD);
+  settings.c_cflag |= FlagsOf(character) | CREAD | CLOCAL;
   // CIBAUD cleared: the input rate follows the output rate, whatever the port's last user had set.
   // A read without bytes says "try again"; 0 bytes only mean the end of the line.
   settings.c_cc[VMIN] = 1;
   settings.c_cc[VTIME] = 0;
   if (tcsetattr(descriptor, TCSANOW, &settings) != 0) Refuse(device, std::strerror(errno));
+  // The call succeeds when any of the settings was possible. A pseudo-terminal has no characters on a line.
+  struct stat status {};
+  struct termios actual {};
+  if (fstat(descriptor, &status) == 0 && !IsPseudoTerminal(status) && tcgetattr(descriptor, &actual) == 0 &&
+      (actual.c_cflag & kFormatFlags) != FlagsOf(character))
+    Refuse(device, "it cannot do " + Name(character));
 }
 
 // By the constant of a standard rate, which every driver knows; false for any other.
@@ -287,7 +303,8 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
   std::vector<std::uint8_t> waiting_;
 };
 
-SerialPort::SerialPort(asio::io_context& loop, const std::string& device, std::int64_t baud)
+SerialPort::SerialPort(asio::io_context& loop, const std::string& device, std::int64_t baud,
+                       const CharacterFormat& character)
     : state_(std::make_shared<State>(loop, device)) {
   if (baud < kBaudMin || baud > kBaudMax)
     Refuse(device, "baud rate " + std::to_string(baud) + " is not within " + std::to_string(kBaudMin) +
@@ -297,7 +314,7 @@ SerialPort::SerialPort(asio::io_context& loop, const std::string& device, std::i
     return;
   }
   OwnedDescriptor descriptor = OpenDevice(device);
-  MakeRaw(device, descriptor.get());
+  MakeRaw(device, descriptor.get(), character);
   state_->Adopt(std::move(descriptor));
   SetBaud(loop, device, state_->descriptor(), baud);
   tcflush(state_->descriptor(), TCIFLUSH);

@@ -1,9 +1,9 @@
-// A serial port (or any other descriptor of bytes both ways) in an event loop: 8N1, raw, exclusive, no flow
+// A serial port (or any other descriptor of bytes both ways) in an event loop: raw, exclusive, no flow
 // control. For firmware on a board, for both ends of a pseudo-terminal (link/pty.h), and for an emulator's port behind
 // a unix socket (link/unix_socket.h).
 //
 //   boost::asio::io_context loop;
-//   SerialPort port(loop, "/dev/ttyUSB0", 921'600);
+//   SerialPort port(loop, "/dev/ttyUSB0", 921'600, {.parity = Parity::kEven});
 //   port.Start([&](std::span<const std::uint8_t> bytes) { decoder.Feed(bytes); },
 //              [&](const std::string& reason) { Lost(reason); });   // unplugged, hung up, ...
 //   port.Write(frame);
@@ -24,6 +24,7 @@
 #include <string>
 
 #include "link/byte_line.h"
+#include "link/character.h"
 
 namespace boost::asio {
 class io_context;
@@ -44,7 +45,10 @@ class SerialPort final : public ByteLine {
   // byte and has no baud rate. Throws std::runtime_error that says what is wrong (no such device, held by
   // another process, no permission, not a serial device, an impossible baud rate, no listening process) and
   // what to do about it.
-  SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud);
+  // A byte with a parity error is received as it came (INPCK is off, termios(3)). A pseudo-terminal and a socket
+  // carry whole bytes, whatever the format.
+  SerialPort(boost::asio::io_context& loop, const std::string& device, std::int64_t baud,
+             const CharacterFormat& character = {});
 
   // Takes over an open descriptor (read and write) as it is; `name` identifies it in messages.
   SerialPort(boost::asio::io_context& loop, int descriptor, std::string name);

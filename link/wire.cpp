@@ -7,7 +7,6 @@
 namespace tiltproof::link {
 namespace {
 
-constexpr std::int64_t kIdealIdleBaud = 921'600;
 constexpr std::size_t kSpareBuffersMax = 16;
 constexpr std::size_t kUsualFrameBytes = 134;  // 64 of payload, all escaped
 
@@ -15,6 +14,7 @@ constexpr std::size_t kUsualFrameBytes = 134;  // 64 of payload, all escaped
 
 Wire::Wire(const WireConfig& config, Direction direction, const Protocol& protocol, ChunkFilter* filter)
     : config_(config),
+      rate_{config.baud, config.character},
       direction_(direction),
       protocol_(&protocol),
       filter_(filter),
@@ -36,12 +36,19 @@ std::uint8_t Wire::MessageIn(std::span<const std::uint8_t> frame) {
   return kNoMessage;
 }
 
-TimeNs Wire::IdleTime() const {
-  return link::BytesTime(config_.baud == 0 ? kIdealIdleBaud : config_.baud, kIdleBytes);
+TimeNs Wire::IdleTime() const { return rate_.OrUsual().BytesTime(kIdleBytes); }
+
+std::span<const std::uint8_t> Wire::Carried(std::span<const std::uint8_t> bytes) {
+  const CharacterFormat& character = config_.character;
+  if (character.data_bits == 8) return bytes;
+  carried_.clear();
+  for (const std::uint8_t byte : bytes) carried_.push_back(character.Carried(byte));
+  return carried_;
 }
 
 BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
   FlushIfIdle(now);
+  bytes = Carried(bytes);
   if (overfull_) return std::max(now, transmitter_free_ns_);
   if (now > transmitter_free_ns_) {
     if (bytes.empty()) return now;
@@ -55,9 +62,9 @@ BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
     const std::size_t size = BytesOfOpenChunk(bytes, closed);
     busy_bytes_ += static_cast<std::int64_t>(size);
     transmitter_free_ns_ = busy_begin_ns_ + BytesTime(busy_bytes_);
-    // `baud` bytes take ten seconds exactly: the count stays small however long the line is busy.
+    // `baud` bytes take whole seconds exactly: the count stays small however long the line is busy.
     if (config_.baud != 0 && busy_bytes_ >= config_.baud) {
-      busy_begin_ns_ += 10 * kNsPerS;
+      busy_begin_ns_ += config_.character.bit_count() * kNsPerS;
       busy_bytes_ -= config_.baud;
     }
 
@@ -136,6 +143,10 @@ bool Wire::HasRoomFor(std::size_t bytes) {
 }
 
 void Wire::Enqueue(Chunk&& chunk, BootTime known_ns) {
+  Check(chunk.parity_errors.empty() || chunk.parity_errors.size() == chunk.bytes.size(),
+        "a chunk knows the parity of each of its bytes");
+  if (config_.character.data_bits != 8)  // a fault may have put other bytes there
+    for (std::uint8_t& byte : chunk.bytes) byte = config_.character.Carried(byte);
   if (chunk.bytes.empty()) {
     Recycle(std::move(chunk));
     return;
@@ -232,7 +243,9 @@ std::optional<Wire::Piece> Wire::TakePiece(BootTime until) {
   Check(last_arrival_ns_ <= arrival && arrival <= until,
         "bytes arrive in order of time, none before its time");
   last_arrival_ns_ = arrival;
-  const Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
+  Piece piece{arrival, std::span(front.bytes).subspan(front_taken_, end - front_taken_), front.number};
+  if (!front.parity_errors.empty())
+    piece.parity_errors = std::span(front.parity_errors).subspan(front_taken_, end - front_taken_);
   if (config_.adapter_bytes_count > 0) LeaveBuffer(piece.bytes);
   front_taken_ = end;
   if (front_taken_ == front.bytes.size()) {

@@ -1,4 +1,4 @@
-// One direction of a serial line, byte-accurate: baud rate, 8N1 byte time, the sender's busy transmitter,
+// One direction of a serial line, byte-accurate: baud rate, character format, the sender's busy transmitter,
 // faults, arrivals.
 //
 // The same code runs in lockstep (times are virtual) and in real time (times are the clock's): see
@@ -35,11 +35,13 @@
 namespace tiltproof::link {
 
 struct WireConfig {
-  std::int64_t baud = 921'600;    // bits per second, 8N1: ten bits per byte; 0 = ideal, zero byte time
+  std::int64_t baud = 921'600;    // bits per second; 0 = ideal, zero byte time
   TimeNs adapter_latency_ns = 0;  // a USB-serial adapter's buffering: added to every arrival
   // The bytes that the buffer of an adapter has room for. It is passed on when it is full, and
   // adapter_latency_ns after its first byte. 0: there is no buffer.
   std::int64_t adapter_bytes_count = 0;
+  // With seven data bits a byte loses its top bit, wherever it comes from.
+  CharacterFormat character = {};
 };
 
 class Wire {
@@ -72,6 +74,7 @@ class Wire {
     BootTime arrival_ns;  // of the last byte
     std::span<const std::uint8_t> bytes;
     std::uint64_t number;  // Chunk::number of the frame, as sent, that they come from
+    std::span<const std::uint8_t> parity_errors = {};  // Chunk::parity_errors of these bytes
   };
   // The oldest bytes that have arrived by `until` and were not taken yet: up to one that may end a frame, the end of
   // their chunk, or the last byte arrived by `until`; nullopt when there are none. The bytes stay valid until the next call.
@@ -94,7 +97,7 @@ class Wire {
   void SetTaps(Taps taps) { taps_ = std::move(taps); }
 
   // Time from begin to the arrival of the n-th byte, rounded down to nanoseconds.
-  TimeNs BytesTime(std::int64_t byte_count) const { return link::BytesTime(config_.baud, byte_count); }
+  TimeNs BytesTime(std::int64_t byte_count) const { return rate_.BytesTime(byte_count); }
 
   // Silence of the sender after which a frame that has not ended goes on: kIdleBytes byte times; on an ideal
   // line, byte times at 921600 baud.
@@ -106,6 +109,8 @@ class Wire {
   // The place of the message of a frame as sent in the protocol's table; kNoMessage: it is none.
   std::uint8_t MessageIn(std::span<const std::uint8_t> frame);
   void FlushIfIdle(BootTime now);
+  // The part of the bytes that characters carry; valid until the next call.
+  std::span<const std::uint8_t> Carried(std::span<const std::uint8_t> bytes);
   // The open chunk goes through the filter, into the queue; the wire knows of all of it at `known_ns`.
   void SendOpenChunk(BootTime known_ns);
   // True if there is room for that many bytes; otherwise the wire is overfull.
@@ -121,6 +126,7 @@ class Wire {
   void LeaveBuffer(std::span<const std::uint8_t> bytes);
 
   WireConfig config_;
+  LineRate rate_;
   Direction direction_;
   const Protocol* protocol_;
   ChunkFilter* filter_;
@@ -159,6 +165,7 @@ class Wire {
   std::int64_t buffered_count_ = 0;
 
   std::vector<Chunk> scratch_;
+  std::vector<std::uint8_t> carried_;
   std::vector<std::vector<std::uint8_t>> spare_;  // buffers to use again
 };
 

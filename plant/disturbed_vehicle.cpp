@@ -38,7 +38,7 @@ double SumOf(const Disturbance& disturbance) {
 
 }  // namespace
 
-std::string DisturbanceProblem(const Disturbance& disturbance) {
+std::string_view DisturbanceProblem(const Disturbance& disturbance) {
   const auto finite = [](const auto& values) {
     return std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
   };

@@ -3,7 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <string>
+#include <string_view>
 
 #include "link/disturbance.h"
 #include "plant/vehicle_model.h"
@@ -19,6 +19,6 @@ Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s);
 
 // The reason that no plant can apply it: a value is not a number, or a factor of mass or inertia is not positive.
 // Empty when a plant can apply it.
-std::string DisturbanceProblem(const Disturbance& disturbance);
+std::string_view DisturbanceProblem(const Disturbance& disturbance);
 
 }  // namespace tiltproof::plant

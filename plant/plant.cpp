@@ -55,8 +55,8 @@ void Plant::Step(std::span<const double> command, const Disturbance& disturbance
                      fmt::format("the input {} is not a number", world_->signals.inputs[i].name));
     return;
   }
-  if (const std::string problem = DisturbanceProblem(disturbance); !problem.empty()) {
-    world_->SetEvent(FlightEvent::kNotFinite, problem);
+  if (const std::string_view problem = DisturbanceProblem(disturbance); !problem.empty()) {
+    world_->SetEvent(FlightEvent::kNotFinite, std::string(problem));
     return;
   }
   std::swap(world_->input, world_->next_input);

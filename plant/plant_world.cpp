@@ -342,8 +342,9 @@ void Plant::World::CheckEvent() {
     SetEvent(FlightEvent::kTilted,
              fmt::format("'{}' is tilted by {:.1f} deg, limit 90 deg", model.base.link,
                          std::acos(std::clamp(R[10], -1.0, 1.0)) * 180 / std::numbers::pi));
-  } else if (std::string problem = strike.empty() ? TouchProblem() : strike; !problem.empty()) {
-    SetEvent(FlightEvent::kGroundStrike, std::move(problem));
+  } else if (!contacts.empty() || !strike.empty()) {
+    if (std::string problem = strike.empty() ? TouchProblem() : strike; !problem.empty())
+      SetEvent(FlightEvent::kGroundStrike, std::move(problem));
   }
 }
 

@@ -91,24 +91,26 @@ class Attributes {
 
 RotorElement ReadRotor(const std::filesystem::path& file, const XMLElement& element,
                        std::vector<VehicleProblem>& problems) {
-  const Attributes attributes(
-      file, element,
-      {"name", "link", "axis", "direction", "drag_ratio_m", "force_min_n", "force_max_n", "time_constant_s"},
-      problems);
+  const Attributes attributes(file, element,
+                              {"name", "link", "axis", "direction", "drag_ratio_m", "force_min_n",
+                               "force_max_n", "time_constant_s", "time_constant_down_s"},
+                              problems);
   RotorElement rotor{.file = file, .line = element.GetLineNum()};
   rotor.name = AttributeOf(element, "name");
   rotor.link = attributes.Text("link");
   rotor.axis = attributes.UnitVector("axis").value_or(rotor.axis);
   rotor.direction = attributes.Number("direction", -1, 1).value_or(rotor.direction);
   if (std::abs(rotor.direction) != 1.0) attributes.Complain("'direction' must be 1 or -1");
-  rotor.drag_ratio_m = attributes.Number("drag_ratio_m", 0, 10).value_or(0);
+  rotor.states_drag = element.Attribute("drag_ratio_m") != nullptr;
+  rotor.drag_ratio_m = attributes.OptionalNumber("drag_ratio_m", 0, 10).value_or(0);
   rotor.force_min_n = attributes.OptionalNumber("force_min_n", -1e3, 1e3).value_or(0);
   const std::optional<double> force_max_n = attributes.Number("force_max_n", -1e3, 1e3);
   rotor.force_max_n = force_max_n.value_or(0);
   if (force_max_n && !(rotor.force_min_n < *force_max_n))
     attributes.Complain("'force_min_n' must be less than 'force_max_n'");
-  rotor.time_constant_up_s = rotor.time_constant_down_s =
-      attributes.OptionalNumber("time_constant_s", 0, 10).value_or(0);
+  rotor.time_constant_up_s = attributes.OptionalNumber("time_constant_s", 0, 10).value_or(0);
+  rotor.time_constant_down_s =
+      attributes.OptionalNumber("time_constant_down_s", 0, 10).value_or(rotor.time_constant_up_s);
   return rotor;
 }
 

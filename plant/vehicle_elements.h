@@ -25,6 +25,7 @@ struct RotorElement {
   double direction = 1, drag_ratio_m = 0;
   double force_min_n = 0, force_max_n = 0;
   double time_constant_up_s = 0, time_constant_down_s = 0;
+  bool states_drag = true;             // false: a tiltproof element without drag_ratio_m
   std::vector<std::string> missing{};  // attributes that the plugin does not state
 };
 

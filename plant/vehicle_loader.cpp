@@ -73,6 +73,7 @@ class Loader {
   // Makes each link that is neither the base nor on a hinge of its own a part of its body.
   void Lump(VehicleModel& vehicle);
   void WarnLumped();
+  void WarnWithoutDrag();
   // The place of the hinge among the vehicle's, to which it is added if need be.
   std::size_t HingeOf(const TreeJoint& hinge, VehicleModel& vehicle) const;
   Hinge ReadHinge(const TreeJoint& tree_joint) const;
@@ -116,6 +117,7 @@ VehicleModel Loader::Load() {
   if (!problems_.empty()) throw VehicleError(problems_, MissingElements(xml_.files(), tree_, elements_));
   xml_.WarnUnsupported(elements_, tree_.hinges(), warnings_);
   WarnLumped();
+  WarnWithoutDrag();
 
   VehicleModel vehicle;
   vehicle.name = model_->Name();
@@ -308,6 +310,14 @@ void Loader::Lump(VehicleModel& vehicle) {
   if (changed.contains(vehicle.base.link)) CheckInertia(vehicle.base, true);
   for (const Hinge& hinge : vehicle.hinges)
     if (changed.contains(hinge.body.link)) CheckInertia(hinge.body, true);
+}
+
+void Loader::WarnWithoutDrag() {
+  for (const RotorElement& rotor : elements_.rotors)
+    if (!rotor.states_drag)
+      warnings_.push_back(
+          fmt::format("{}:{}: rotor '{}': without drag_ratio_m its propeller exerts no drag torque",
+                      rotor.file.string(), rotor.line, rotor.name));
 }
 
 void Loader::WarnLumped() {

@@ -100,10 +100,13 @@ std::string RotorText(const RotorElement& rotor) {
   return fmt::format(
       "  <tiltproof:rotor name=\"{}\" link=\"{}\" axis=\"{:.10g} {:.10g} {:.10g}\" direction=\"{}\"\n"
       "                   drag_ratio_m=\"{}\" force_min_n=\"{:.10g}\" force_max_n=\"{}\" "
-      "time_constant_s=\"{:.10g}\"/>\n",
+      "time_constant_s=\"{:.10g}\"{}/>\n",
       rotor.name, rotor.link, rotor.axis.x(), rotor.axis.y(), rotor.axis.z(),
       number("direction", rotor.direction), number("drag_ratio_m", rotor.drag_ratio_m), rotor.force_min_n,
-      number("force_max_n", rotor.force_max_n), rotor.time_constant_up_s);
+      number("force_max_n", rotor.force_max_n), rotor.time_constant_up_s,
+      rotor.time_constant_down_s == rotor.time_constant_up_s
+          ? ""
+          : fmt::format(" time_constant_down_s=\"{:.10g}\"", rotor.time_constant_down_s));
 }
 
 std::string ServoText(const ServoElement& servo, const TreeJoint* joint) {

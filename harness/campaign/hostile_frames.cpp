@@ -193,6 +193,60 @@ void ChangePayloadByte(LineBytes& payload, Random& random) {
 
 }  // namespace
 
+namespace {
+
+// `value`, if it is at most `old` behind `expected` or `ahead` before of it on a circle of `range` numbers.
+double NearOrExpected(double value, double expected, double range, double old, double ahead) {
+  expected = std::fmod(expected, range);
+  const double behind = std::fmod(expected - value + range, range);
+  return behind <= old || behind >= range - ahead ? value : expected;
+}
+
+// True if it changed a field.
+bool RestampPayload(const link::MessageType& type, LineBytes& payload, TimeNs time_ns, TimeNs period_ns) {
+  constexpr double kOldPeriods = 4;
+  const auto period = static_cast<double>(type.period_ns != 0 ? type.period_ns : period_ns);
+  const auto time = static_cast<double>(time_ns);
+  bool changed = false;
+  for (std::size_t i = 0; i < type.fields.size(); ++i) {
+    const link::MessageField& field = type.fields[i];
+    if (field.content == link::FieldContent::kSignal || !link::IsInteger(field.type)) continue;
+    const double range = link::LargestNumber(field.type) + 1;
+    const double before = link::FieldValue(type, payload, i);
+    const double after = field.content == link::FieldContent::kSequence
+                             ? NearOrExpected(before, std::floor(time / period), range, kOldPeriods, 1)
+                             : NearOrExpected(before, std::floor((time + period / 2) / 1e3), range,
+                                              kOldPeriods * period / 1e3, 0);
+    if (after == before) continue;
+    link::SetFieldValue(type, payload, i, after);
+    changed = true;
+  }
+  return changed;
+}
+
+}  // namespace
+
+void Restamp(const link::Protocol& protocol, link::Direction direction, LineBytes& bytes, TimeNs time_ns) {
+  const Framing& framing = *protocol.framing;
+  LineBytes restamped;
+  std::size_t copied = 0;  // of `bytes`
+  const std::unique_ptr<link::FrameReader> reader = framing.MakeReader();
+  std::span<const std::uint8_t> rest(bytes);
+  while (const auto read = reader->Next(rest)) {
+    const link::MessageType* type = read->ok ? protocol.Classify(direction, read->payload) : nullptr;
+    LineBytes payload(read->payload.begin(), read->payload.end());
+    if (type == nullptr || !RestampPayload(*type, payload, time_ns, protocol.control_period_ns)) continue;
+    // Flags stay, because frames may share them.
+    LineBytes frame = framing.Encode(payload);
+    if (framing.flag()) frame.pop_back();
+    restamped.insert(restamped.end(), At(bytes, copied), At(bytes, read->content_begin));
+    restamped.insert(restamped.end(), At(frame, framing.opening().size()), frame.end());
+    copied = read->content_end;
+  }
+  restamped.insert(restamped.end(), At(bytes, copied), bytes.end());
+  bytes = std::move(restamped);
+}
+
 void ChangeContent(const link::Protocol& protocol, LineBytes& bytes, Random& random,
                    const ChangeBytes& change) {
   constexpr std::size_t kMoreBytesMax = 8;

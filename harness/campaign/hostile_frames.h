@@ -16,6 +16,7 @@
 
 #include "faults/random.h"
 #include "link/protocol.h"
+#include "link/time.h"
 
 namespace tiltproof::harness {
 
@@ -33,6 +34,11 @@ void ChangeContent(const link::Protocol& protocol, LineBytes& bytes, faults::Ran
 // One change in the bytes as they are on the line: a bit, a byte of meaning too many, one too few, a cut, a wrong length
 // or code.
 void BreakBytes(const link::Framing& framing, LineBytes& bytes, faults::Random& random);
+
+// Gives each valid message in `bytes` about the number and the time of a message that is sent at that time of a flight
+// (link::FieldContent). An old one stays as it is, if it is not older than a few periods. One that is far ahead would make
+// every sound receiver deaf for all that follows, and is no defect of it.
+void Restamp(const link::Protocol& protocol, link::Direction direction, LineBytes& bytes, TimeNs time_ns);
 
 // One change in the order of a list that is not empty: two change places, one is missing, some come again and again.
 template <class T>

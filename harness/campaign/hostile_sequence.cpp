@@ -61,6 +61,19 @@ HostileStream StreamOf(const HostileSequence& sequence, const link::Framing& fra
   return stream;
 }
 
+link::Direction DirectionOf(const HostileSequence& sequence) {
+  return sequence.target == faults::Target::kReference ? link::Direction::kReference
+                                                       : link::Direction::kToClient;
+}
+
+// The inputs as the sender would number and date them whose first one is at `from_ns`.
+void RestampFrom(TimeNs from_ns, const link::Protocol& protocol, HostileSequence& sequence) {
+  for (LineBytes& input : sequence.inputs) {
+    Restamp(protocol, DirectionOf(sequence), input, from_ns);
+    from_ns += protocol.control_period_ns;
+  }
+}
+
 }  // namespace
 
 std::string PlaceText(const HostileSequence& sequence) {
@@ -91,13 +104,15 @@ Scenario FlightOf(const Scenario& base, const HostileSequence& sequence) {
   const TimeNs said_until_ns = said_from_ns + static_cast<TimeNs>(sequence.inputs.size()) * period_ns;
   scenario.duration_ns = said_until_ns + sequence.tail_periods * period_ns;
   if (sequence.inputs.empty()) return scenario;
+  HostileSequence said = sequence;
+  RestampFrom(said_from_ns, *base.link.protocol, said);
   faults::FaultSpec fault;
   fault.id = kHostileFault;
   fault.type = "frame.script";
   fault.target = sequence.target;
   fault.start_ns = said_from_ns;
   fault.end_ns = said_until_ns;
-  fault.parameters = {{"frames", FramesText(sequence)}, {"place", sequence.place}};
+  fault.parameters = {{"frames", FramesText(said)}, {"place", said.place}};
   scenario.faults = {std::move(fault)};
   return scenario;
 }
@@ -133,6 +148,7 @@ Scenario WellFormedFlight(const Scenario& base) {
       foreign.inputs.push_back(replies.Valid(random));
       if (i % 2 == 0) foreign.inputs.emplace_back();
     }
+    RestampFrom(next_ns, *base.link.protocol, foreign);
     add("frame.script", static_cast<std::int64_t>(foreign.inputs.size()),
         {{"frames", FramesText(foreign)}, {"place", foreign.place}});
   }
@@ -214,9 +230,7 @@ HostileSequence ChangeSequence(const HostileSequence& parent, const HostileSeque
 }
 
 std::vector<std::string> Describe(const HostileSequence& sequence, const link::Protocol& protocol) {
-  const link::Direction direction = sequence.target == faults::Target::kReference
-                                        ? link::Direction::kReference
-                                        : link::Direction::kToClient;
+  const link::Direction direction = DirectionOf(sequence);
   const link::Framing& framing = *protocol.framing;
   const HostileStream stream = StreamOf(sequence, framing);
   std::vector<std::vector<std::string>> parts(sequence.inputs.size());

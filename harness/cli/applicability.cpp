@@ -110,6 +110,25 @@ void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<
   problems.push_back({fmt::format("{}: firmware: {}", scenario.file.string(), why), why});
 }
 
+// The other builds hold a gain of their own, and an image has no parameters.
+bool TakesGain(const ClientSpec& client, const std::string& build) {
+  if (AbilitiesOf(client, false).shipped) return build == kLqrBuild;
+  return std::holds_alternative<HostLibrary>(client) || std::holds_alternative<Program>(client);
+}
+
+void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& clients,
+                    std::vector<Problem>& problems) {
+  if (scenario.gain.empty()) return;
+  for (std::size_t i = 0; i < clients.size(); ++i)
+    if (TakesGain(clients[i], scenario.firmware_of(i))) return;
+  const std::string why = fmt::format(
+      "{} does not take a gain; `firmware: lqr` does, and so do a library (library:FILE) and a program "
+      "(process:CMD) of your own",
+      AbilitiesOf(clients.front(), false).shipped ? fmt::format("the build '{}'", scenario.firmware_of(0))
+                                                  : fmt::format("the client {}", ToText(clients.front())));
+  problems.push_back({fmt::format("{}: gain: {}", scenario.file.string(), why), "gain: " + why});
+}
+
 // True if a formula has this word outside texts in quotes.
 bool HasWord(std::string_view formula, std::string_view word) {
   constexpr std::string_view kLetters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_";
@@ -195,8 +214,12 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
 std::vector<std::string> ClientProblems(const RunClients& clients, const Scenario& scenario) {
   Images images;
   std::vector<Problem> problems;
+  std::vector<ClientSpec> specs;
+  for (std::size_t i = 0; i < scenario.client_count(); ++i)
+    specs.push_back(clients.Of(scenario.client_id(i)));
+  FindUnusedGain(scenario, specs, problems);
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
-    const ClientSpec& client = clients.Of(scenario.client_id(i));
+    const ClientSpec& client = specs[i];
     if (AbilitiesOf(client, false).shipped) {
       FindOtherVehicle(scenario, i, problems);
       FindLargeHeading(scenario, i, problems);
@@ -218,6 +241,7 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
     std::vector<ClientAbilities> abilities;
     for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
     std::vector<Problem> problems = UnsupportedFaults(scenario, abilities);
+    FindUnusedGain(scenario, clients, problems);
     for (std::size_t i = 0; i < clients.size(); ++i) {
       std::filesystem::path file;
       if (const auto* image = std::get_if<EmulatedImage>(&clients[i])) {

@@ -113,7 +113,7 @@ void CheckPorts(const ClientSpec& client, const LinkSpec& link) {
         throw std::runtime_error(*trouble);
       if (is_socket) continue;
       ports.push_back(std::make_unique<link::SerialPort>(
-          loop, device, ports.empty() ? link.port_baud() : link.reference_port_baud()));
+          loop, device, ports.empty() ? link.port_baud() : link.reference_port_baud(), link.character));
     } catch (const std::runtime_error& error) {
       const std::string text = fmt::format("--client {}: {}", ToText(client), error.what());
       std::error_code ignored;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "faults/registry.h"
+#include "faults/signal_choice.h"
 #include "harness/campaign/envelope_rows.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
@@ -196,9 +197,9 @@ void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& row
       continue;
     }
     // All of it would be survived.
-    if (const auto* plant = row.type->As<faults::PlantKind>();
-        plant != nullptr && plant->is_wind && !signals.feels_wind) {
-      leave_out(row, "moves only a vehicle with drag; this one's file has no <tiltproof:drag>");
+    const faults::FaultSpec fault = WithRow(column.base.scenario, row, signals).faults[place];
+    if (const auto reason = faults::Unsuited(fault, *row.type, signals)) {
+      leave_out(row, *reason);
       continue;
     }
     MarginTask task;

@@ -15,6 +15,7 @@
 #include "harness/run/supervisor_states.h"
 #include "harness/run/vehicle_start.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/selection.h"
 #include "harness/score/score.h"
 #include "harness/score/signals.h"
@@ -85,13 +86,20 @@ ReadOptions MakeReadOptions(ModelCache& models) {
     }
   };
   options.check_protocol = [](const Scenario& scenario,
-                              const VehicleSignals& vehicle) -> std::optional<std::string> {
-    std::string problem = UnsuitableProtocol(*scenario.link.protocol, vehicle);
-    if (problem.empty()) return std::nullopt;
-    return fmt::format(
-        "{}. It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
-        "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)",
-        problem);
+                              const VehicleSignals& vehicle) -> std::optional<ProtocolProblem> {
+    ProtocolField field;
+    ProtocolProblem problem;
+    problem.reason = UnsuitableProtocol(*scenario.link.protocol, vehicle, &field);
+    if (problem.reason.empty()) return std::nullopt;
+    if (field.first != nullptr) {
+      problem.message = field.first->name;
+      problem.signal = field.second->signal;
+    }
+    if (link::FindProtocol(scenario.link.protocol->name) != nullptr)
+      problem.reason +=
+          ". It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
+          "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)";
+    return problem;
   };
   return options;
 }
@@ -169,6 +177,34 @@ void CheckBuild(const std::string& build) {
     throw UsageError(fmt::format("--firmware {}: no such build{}", build, DidYouMean(build, kShippedBuilds)));
 }
 
+namespace {
+
+// True if frames of the protocol may have bytes above 7F.
+bool NeedsEightBits(const link::Protocol& protocol) {
+  for (const link::MessageType& type : protocol.messages) {
+    for (const link::MessageField& field : type.fields)
+      if (link::NumberBytes(field.type) > 1 || field.min < 0 || field.max / field.scale > 0x7F) return true;
+    for (unsigned value = 0; value <= 0x7F; ++value) {
+      const std::vector<std::uint8_t> payload(type.payload_bytes, static_cast<std::uint8_t>(value));
+      const auto frame = protocol.framing->Encode(payload);
+      if (std::any_of(frame.begin(), frame.end(), [](std::uint8_t byte) { return byte > 0x7F; })) return true;
+    }
+  }
+  return false;
+}
+
+// A warning about the line; empty: there is none.
+std::string LineWarning(const Scenario& scenario) {
+  if (scenario.link.character.data_bits == 8 || !NeedsEightBits(*scenario.link.protocol)) return "";
+  return fmt::format(
+      "{}: link.data_bits: 7: every byte loses its top bit, and protocol '{}' needs it; no frame with such a "
+      "byte "
+      "will arrive whole. Write `data_bits: 8`",
+      scenario.file.string(), scenario.link.protocol->name);
+}
+
+}  // namespace
+
 Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
                 const std::string& build) {
   ModelCache models;
@@ -210,6 +246,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   suite.name = SuiteName(paths);
   suite.warnings = found.warnings;
   suite.warnings.insert(suite.warnings.end(), models.warnings().begin(), models.warnings().end());
+  for (const auto& entry : suite.scenarios)
+    if (std::string warning = LineWarning(entry.scenario); !warning.empty())
+      suite.warnings.push_back(std::move(warning));
   return suite;
 }
 
@@ -252,7 +291,7 @@ Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
 
 std::filesystem::path ResolveModel(const std::string& model) {
   const std::filesystem::path file =
-      model.ends_with(".sdf") ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
+      IsModelPath(model) ? std::filesystem::path(model) : ModelsFolder() / (model + ".sdf");
   if (std::filesystem::is_regular_file(file)) return std::filesystem::absolute(file);
   std::vector<std::string> names;
   std::error_code no_folder;  // of a program that was copied away from its files

@@ -202,14 +202,20 @@ int WriteMapping(const std::filesystem::path& file) {
   return kExitGreen;
 }
 
-int VehicleCommand(const std::string& name, bool writes_mapping) {
+struct VehicleOptions {
+  std::string file;
+  bool writes_mapping = false, allow_invalid_inertia = false;
+};
+
+int VehicleCommand(const VehicleOptions& options) {
   std::vector<std::string> warnings;
   VehicleModel model;
-  const std::filesystem::path file = ResolveModel(name);
-  if (writes_mapping) return WriteMapping(file);
+  const std::filesystem::path file = ResolveModel(options.file);
+  if (options.writes_mapping) return WriteMapping(file);
   try {
-    model = plant::LoadVehicle(file, {.allow_invalid_inertia = false, .allow_no_hover = true, .mapping = {}},
-                               warnings);
+    model = plant::LoadVehicle(
+        file, {.allow_invalid_inertia = options.allow_invalid_inertia, .allow_no_hover = true, .mapping = {}},
+        warnings);
   } catch (const plant::VehicleError& error) {
     throw UsageError(error.what());
   }
@@ -229,21 +235,22 @@ int VehicleCommand(const std::string& name, bool writes_mapping) {
 }  // namespace
 
 void RegisterVehicle(CLI::App& program, CommandLine& line) {
-  const auto name = std::make_shared<std::string>();
-  const auto writes_mapping = std::make_shared<bool>(false);
+  const auto options = std::make_shared<VehicleOptions>();
   CLI::App* command = program.add_subcommand(
       "vehicle", "Print a vehicle's rotors, hinges, inputs and signals, and whether it can hover");
-  command->add_option("FILE", *name, "A path ending in .sdf, or a model's name")->required();
-  command->add_flag("--mapping", *writes_mapping,
+  command->add_option("FILE", options->file, "A path ending in .sdf, or a model's name")->required();
+  command->add_flag("--mapping", options->writes_mapping,
                     "Write <stem>.tiltproof.xml beside the file instead: all that it reveals, and FILL_IN in "
                     "place of each number that it lacks");
+  command->add_flag("--allow-invalid-inertia", options->allow_invalid_inertia,
+                    "Go on with a physically impossible inertia");
   command->footer(
       "x y z, ax ay az: place and axis, in the frame of the base with all hinges at 0. turns: the "
       "propeller's sense, seen against its thrust (from above where the thrust points up). from, to: stops. "
       "Inputs have their limits and their value in hover, with its share of the limit; if any input is "
       "slow, also the lags of a rising and a falling value, and the servo's speed limit. A vehicle that "
       "cannot hover is printed with the reasons, and is an error (2).");
-  SetAction(*command, line, [name, writes_mapping] { return VehicleCommand(*name, *writes_mapping); });
+  SetAction(*command, line, [options] { return VehicleCommand(*options); });
 }
 
 }  // namespace tiltproof::harness

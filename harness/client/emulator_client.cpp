@@ -25,7 +25,6 @@
 #include "harness/emulator/diagnosis/watched_variable.h"
 #include "harness/emulator/elf_symbols.h"
 #include "harness/emulator/image_check.h"
-#include "link/chunk.h"
 #include "link/overloaded.h"
 
 namespace tiltproof::harness {
@@ -46,6 +45,8 @@ lockstep::Mark ToMark(faults::ReceiveMark mark) {
       return lockstep::Mark::kFraming;
     case faults::ReceiveMark::kNoise:
       return lockstep::Mark::kNoise;
+    case faults::ReceiveMark::kParity:
+      return lockstep::Mark::kParity;
     case faults::ReceiveMark::kNone:
       break;
   }
@@ -97,7 +98,7 @@ class EmulatorClient final : public Client {
         start_within_ns_(start_within_ns),
         break_at_ns_(break_at_ns),
         host_(std::move(host)),
-        rated_{RatedLine(lines.main_baud), RatedLine(lines.reference_baud)} {
+        rated_{RatedLine(lines.main), RatedLine(lines.reference)} {
     for (const auto& file : {spec.image, spec.plugin})
       if (!std::filesystem::is_regular_file(file))
         throw std::runtime_error(fmt::format("no such file: {}", file));
@@ -106,7 +107,7 @@ class EmulatorClient final : public Client {
     source_.emplace(spec.image);
     status_ = symbols_->FindRegion(kStatusSymbol);
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
-    spec_.ideal_lines = lines.main_baud == 0;
+    spec_.ideal_lines = lines.main.baud == 0;
     board_.emplace(spec_);
     stacks_.emplace(*symbols_);
     stacks_->Watch(*board_);
@@ -120,23 +121,27 @@ class EmulatorClient final : public Client {
   void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                std::span<const faults::ReceiveMark> marks) override {
     RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
-    const std::int64_t baud = rated.baud();
+    const link::LineRate& line = rated.line();
     const auto usart = uart == Uart::kMain ? lockstep::Usart::kMain : lockstep::Usart::kReference;
     if (rated.DamagesReceived()) {
       for (std::size_t i = 0; i < bytes.size(); ++i) {
         const auto left = static_cast<std::int64_t>(bytes.size() - i);
-        rated.Receive(clock_.At(arrival - link::BytesTime(baud, left)), bytes[i]);
+        rated.Receive(clock_.At(arrival - line.BytesTime(left)), bytes[i],
+                      !marks.empty() && marks[i] == faults::ReceiveMark::kParity);
       }
       return;
     }
     received_.clear();
     for (std::size_t i = 0; i < bytes.size(); ++i) {
-      const TimeNs before_last = link::BytesTime(baud, static_cast<std::int64_t>(bytes.size() - 1 - i));
+      const TimeNs before_last = line.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
+      lockstep::Mark mark = marks.empty() ? lockstep::Mark::kNone : ToMark(marks[i]);
+      const bool parity_error = mark == lockstep::Mark::kParity;
+      if (parity_error && !rated.format().has_parity()) mark = lockstep::Mark::kNone;  // on an ideal line
       received_.push_back({.arrival_ns = clock_.At(arrival - before_last),
+                           .word = rated.format().WordOf(bytes[i], parity_error),
                            .usart = usart,
-                           .byte = bytes[i],
-                           .mark = marks.empty() ? lockstep::Mark::kNone : ToMark(marks[i]),
-                           .waits = baud == 0});
+                           .mark = mark,
+                           .waits = line.baud == 0});
     }
     board_->Send(lockstep::Kind::kReceive, std::span<const lockstep::ReceivedByte>(received_));
   }
@@ -258,8 +263,8 @@ class EmulatorClient final : public Client {
   // does not hold for a board whose clock drifts, nor for lines with faults, which may lose other bytes of the frame.
   // Before t = 0 nothing may run on: the board receives the faults of t = 0 only then.
   TimeNs AnswerAfter() const {
-    if (!started() || lines_.main_baud == 0 || lines_.faulty || clock_.drifts()) return 0;
-    return link::BytesTime(lines_.main_baud, 2);
+    if (!started() || lines_.main.baud == 0 || lines_.faulty || clock_.drifts()) return 0;
+    return lines_.main.BytesTime(2);
   }
 
   // As a user reads it: in the flight's time, once there is one.
@@ -380,39 +385,41 @@ class EmulatorClient final : public Client {
     const bool main = registers.usart == lockstep::Usart::kMain;
     const int number = main ? spec_.main_usart : spec_.reference_usart;
     RatedLine& rated = rated_[main ? 0 : 1];
-    rated.Program(RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3));
+    rated.Program(RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3),
+                  FormatOf(registers.cr1, registers.cr2));
     constexpr std::uint32_t kOn = 1U << 13;
     if ((registers.cr1 & kOn) == 0) return;
-    const std::string trouble = rated.Trouble();
+    const std::string trouble = rated.Trouble(main ? "main" : "reference");
     if (!trouble.empty() && std::exchange(troubles_[main ? 0 : 1], trouble) != trouble)
       host_.event({.time_ns = clock_.When(last_active_),
                    .fault = std::nullopt,
                    .kind = kLineTroubleEvent,
-                   .text = fmt::format("USART{} {}, the {} line at {}", number, trouble,
-                                       main ? "main" : "reference", rated.baud())});
+                   .text = fmt::format("USART{} {}", number, trouble)});
   }
 
   // Transmits the bytes that other rates make of those sent, once this is certain.
   void TransmitDamaged(TimeNs until) {
     for (const Uart uart : {Uart::kMain, Uart::kReference})
-      for (const auto& [begin_ns, end_ns, byte, framing_error] :
+      for (const LineSampler::Received& received :
            rated_[static_cast<std::size_t>(uart)].TakeTransmitted(until)) {
         // As a terminal hands over a byte whose stop bit is missing (termios(3), without IGNPAR and PARMRK).
-        const std::uint8_t seen = framing_error ? 0 : byte;
-        host_.transmit(uart, clock_.When(begin_ns), std::span(&seen, 1));
+        const auto seen = static_cast<std::uint8_t>(received.framing_error ? 0 : received.word);
+        host_.transmit(uart, clock_.When(received.begin_ns), std::span(&seen, 1));
       }
   }
   void DeliverDamaged(TimeNs until) {
     for (const auto usart : {lockstep::Usart::kMain, lockstep::Usart::kReference}) {
       received_.clear();
       RatedLine& rated = rated_[static_cast<std::size_t>(usart)];
-      const TimeNs byte_ns = link::BytesTime(rated.baud(), 1);
+      const TimeNs byte_ns = rated.line().BytesTime(1);
       // A byte that is still on its way is not known: all is seen one byte time later.
-      for (const auto& [begin_ns, end_ns, byte, framing_error] : rated.TakeReceived(until - byte_ns))
-        received_.push_back({.arrival_ns = end_ns + byte_ns,
+      for (const LineSampler::Received& received : rated.TakeReceived(until - byte_ns))
+        received_.push_back({.arrival_ns = received.end_ns + byte_ns,
+                             .word = received.word,
                              .usart = usart,
-                             .byte = byte,
-                             .mark = framing_error ? lockstep::Mark::kFraming : lockstep::Mark::kNone,
+                             .mark = received.framing_error  ? lockstep::Mark::kFraming
+                                     : received.parity_error ? lockstep::Mark::kParity
+                                                             : lockstep::Mark::kNone,
                              .waits = false});
       if (!received_.empty())
         board_->Send(lockstep::Kind::kReceive, std::span<const lockstep::ReceivedByte>(received_));

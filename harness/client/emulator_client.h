@@ -8,12 +8,12 @@
 
 #include "harness/client/client.h"
 #include "harness/emulator/emulator_process.h"
+#include "link/character.h"
 
 namespace tiltproof::harness {
 
 struct EmulatorLines {
-  std::int64_t main_baud = 921'600;  // 0: ideal
-  std::int64_t reference_baud = 921'600;
+  link::LineRate main, reference;
   bool faulty = false;  // there are faults that change what passes, or when
 };
 

@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 9;
+inline constexpr std::uint32_t kProtocolVersion = 10;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -55,12 +55,12 @@ enum class Usart : std::uint8_t { kMain, kReference, kConsole };
 inline constexpr int kConnectedUsartCount = 3;
 
 // Condition in which the receiver gets a byte.
-enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise };
+enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise, kParity };
 
 struct ReceivedByte {
   std::int64_t arrival_ns;  // of its stop bit; not decreasing on a line
+  std::uint16_t word;  // the bits between start bit and stop bit, lowest first, the parity bit among them
   Usart usart;
-  std::uint8_t byte;
   Mark mark;
   // On a line without byte time: the byte waits until the previous one has been read.
   bool waits;
@@ -150,11 +150,11 @@ struct TransmittedByte {
   std::uint8_t byte;
 };
 
-// The registers of a USART that determine its rate. Sent when they have changed, before the bytes that it
+// The registers of a USART that determine its rate and its characters. Sent when they have changed, before the bytes that it
 // then sends, and at the latest when the processor stops.
 struct UsartRegisters {
   Usart usart;
-  std::uint32_t brr, cr1, cr3;
+  std::uint32_t brr, cr1, cr2, cr3;
   std::uint32_t clock_hz;  // that it divides
   friend bool operator==(const UsartRegisters&, const UsartRegisters&) = default;
 };

@@ -79,8 +79,8 @@ constexpr std::uint8_t kBarrier = 0x7E;  // what the firmware above sends
 Flown Fly(const std::string& plugin, const std::string& image) {
   EmulatorProcess board({.image = image, .plugin = plugin, .frame_end = kBarrier});
   board.Send(lockstep::Kind::kReceive, lockstep::ReceivedByte{.arrival_ns = 5'500'000,
+                                                              .word = 'A',
                                                               .usart = lockstep::Usart::kMain,
-                                                              .byte = 'A',
                                                               .mark = lockstep::Mark::kNone,
                                                               .waits = false});
   board.Send(lockstep::Kind::kStall, lockstep::Stall{7'500'000, 12'200'000, lockstep::ResetCause::kNone, 0});

@@ -1,11 +1,13 @@
-// The programmed rate of an STM32F405's USART (RM0090, section 30.3.4), and how far a sender's rate may be
-// from it (section 30.3.5).
+// The programmed rate of an STM32F405's USART (RM0090, section 30.3.4), how far a sender's rate may be from it (section
+// 30.3.5), and the programmed character.
 //
 //   const UsartRate rate = RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3);
 //   if (!Understands(rate.BitNs(), rate.tolerance, sender_bit_ns)) ...
 #pragma once
 
 #include <cstdint>
+
+#include "link/character.h"
 
 namespace tiltproof::harness {
 
@@ -26,6 +28,10 @@ struct UsartRate {
 
 // `clock_hz`: of the USART's bus, APB1 or APB2.
 UsartRate RateOf(std::int64_t clock_hz, std::uint32_t brr, std::uint32_t cr1, std::uint32_t cr3);
+
+// The programmed character (sections 30.3.7, 30.6.4 and 30.6.5). M gives the data bits with the parity bit among them, so
+// that there may be 7 to 9. Half a stop bit counts as one, and one and a half as two: they are for smart cards.
+link::CharacterFormat FormatOf(std::uint32_t cr1, std::uint32_t cr2);
 
 // Tolerance of a receiver at the other end, whose divider has no fraction: 16 samples per bit, three of them
 // used.

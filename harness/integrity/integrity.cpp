@@ -268,7 +268,8 @@ IntegrityRow AtLevel(const Measurement& measurement, const IntegritySpec& spec, 
       for (Rate* rate : {&row.passed_check, &row.passed_length, &row.delivered_wrong})
         rate->low = rate->high = rate->rate;
       row.theory = UndetectedErrors(measurement.group().kind(), measurement.group().content_bytes())
-                       .Share(static_cast<int>(count));
+                       .Count(static_cast<int>(count)) /
+                   static_cast<double>(row.frames_count);
       return row;
     }
     case ErrorKind::kBer:

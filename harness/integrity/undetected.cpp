@@ -182,9 +182,9 @@ UndetectedErrors::UndetectedErrors(CheckKind kind, std::size_t content_bytes)
       share_beyond_(std::exp2(-8.0 * static_cast<double>(link::CheckBytes(kind)))),
       counts_(CountsOf(CheckGroup(kind, content_bytes))) {}
 
-double UndetectedErrors::Share(int weight) const {
-  if (weight > weight_max()) return share_beyond_;
-  return Count(weight) / Choose(static_cast<double>(bits_count_), weight);
+double UndetectedErrors::Count(int weight) const {
+  if (weight <= weight_max()) return counts_[static_cast<std::size_t>(weight)];
+  return share_beyond_ * Choose(static_cast<double>(bits_count_), weight);
 }
 
 int UndetectedErrors::HammingDistance() const {
@@ -198,7 +198,8 @@ double UndetectedErrors::RateAt(double p) const {
   const auto bits = static_cast<std::int64_t>(bits_count_);
   double rate = share_beyond_ * BinomialTail(bits, std::min<std::int64_t>(weight_max(), bits), p);
   for (int weight = 1; weight <= std::min<std::int64_t>(weight_max(), bits); ++weight)
-    rate += Share(weight) * BinomialProbability(bits, weight, p);
+    rate += Count(weight) / Choose(static_cast<double>(bits_count_), weight) *
+            BinomialProbability(bits, weight, p);
   return rate;
 }
 

@@ -21,10 +21,8 @@ class UndetectedErrors {
 
   // Weights up to this one are counted; beyond it, one pattern in 2^(bits of the check) passes.
   int weight_max() const { return static_cast<int>(counts_.size()) - 1; }
-  // The number of patterns with so many wrong bits that pass; from 0 to weight_max().
-  double Count(int weight) const { return counts_[static_cast<std::size_t>(weight)]; }
-  // The same as a share of all patterns of that weight.
-  double Share(int weight) const;
+  // The number of patterns with so many wrong bits that pass.
+  double Count(int weight) const;
   // The least number of wrong bits that may pass; 0: more than weight_max().
   int HammingDistance() const;
   // Rate of frames that pass with an error, where each bit is wrong with probability p.

@@ -87,15 +87,16 @@ class CommandRole final : public Role {
   void Flush() override {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
-      services_.log().Write(
-          {log_origin_.SimulationTime(line.time_ns), kClient, record::FirmwareText{std::move(line.text)}});
+      services_.log().Write({log_origin_.SimulationTime(line.time_ns), kOnlyClient,
+                             record::FirmwareText{std::move(line.text)}});
   }
 
   void Stop() override {
     if (process_) process_->ReadAll();
     Flush();
     if (use_)
-      services_.log().Write({0, kClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
+      services_.log().Write(
+          {0, kOnlyClient, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
     use_.reset();
     watch_.reset();
     process_.reset();

@@ -76,7 +76,7 @@ class EmulatorRole final : public Role {
     if (status_address_)
       board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
         status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
-        services_.log().Write({SimNow(), kClient, record::State{words[0]}});
+        services_.log().Write({SimNow(), kOnlyClient, record::State{words[0]}});
       });
   }
 
@@ -95,14 +95,14 @@ class EmulatorRole final : public Role {
         const TimeNs time_ns = origin_.SimulationTime(at);
         const std::string text = "the firmware uses " + block.text;
         services_.Note(time_ns, kUnmodelledEvent, text);
-        services_.log().Write({time_ns, kClient, record::FirmwareText{text}});
+        services_.log().Write({time_ns, kOnlyClient, record::FirmwareText{text}});
         totals.unmodelled_blocks.push_back(std::move(block.name));
       }
       WriteLines(true);
       WriteActivations();
-      services_.log().Write({0, kClient, record::ActivationCounts{counts_->ActivationCounts()}});
+      services_.log().Write({0, kOnlyClient, record::ActivationCounts{counts_->ActivationCounts()}});
       if (status_) totals.failsafe_entered_count = status_->failsafe_count;
-      services_.log().Write({0, kClient, std::move(totals)});
+      services_.log().Write({0, kOnlyClient, std::move(totals)});
     }
     board_.reset();
   }
@@ -136,14 +136,14 @@ class EmulatorRole final : public Role {
   void WriteActivations() {
     for (faults::Activation& activation : counts_->TakeActivations()) {
       const TimeNs time_ns = activation.time_ns;
-      services_.log().Write({time_ns, kClient, std::move(activation)});
+      services_.log().Write({time_ns, kOnlyClient, std::move(activation)});
     }
   }
 
   void WriteLines(bool last) {
     for (auto& line : board_->TakeLines(last))
       services_.log().Write(
-          {origin_.SimulationTime(line.time_ns), kClient, record::FirmwareText{std::move(line.text)}});
+          {origin_.SimulationTime(line.time_ns), kOnlyClient, record::FirmwareText{std::move(line.text)}});
   }
 
   void OnReset(bool by_firmware) {

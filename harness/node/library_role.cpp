@@ -36,7 +36,7 @@ class LibraryRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
-    baud_ = scenario_.link.ideal ? 0 : scenario_.link.baud;
+    rate_ = scenario_.link.main_rate();
     const ClientHost host = {
         .transmit =
             [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
@@ -73,9 +73,9 @@ class LibraryRole final : public Role {
     if (!origin_.known()) return;
     for (auto& [time, text] : std::exchange(lines_, {}))
       services_.log().Write(
-          {origin_.SimulationTime(OfNode(time)), kClient, record::FirmwareText{std::move(text)}});
+          {origin_.SimulationTime(OfNode(time)), kOnlyClient, record::FirmwareText{std::move(text)}});
     for (const auto& [time, state] : std::exchange(states_to_write_, {}))
-      services_.log().Write({origin_.SimulationTime(OfNode(time)), kClient, record::State{state}});
+      services_.log().Write({origin_.SimulationTime(OfNode(time)), kOnlyClient, record::State{state}});
   }
 
   void Stop() override {
@@ -94,13 +94,13 @@ class LibraryRole final : public Role {
       }
     }
     totals.firmware_end = firmware_end_;
-    services_.log().Write({0, kClient, std::move(totals)});
+    services_.log().Write({0, kOnlyClient, std::move(totals)});
   }
 
  private:
   void Open(Uart uart, const std::string& path, std::int64_t baud) {
     auto& port = ports_[static_cast<std::size_t>(uart)];
-    port = std::make_unique<link::SerialPort>(services_.loop(), path, baud);
+    port = std::make_unique<link::SerialPort>(services_.loop(), path, baud, scenario_.link.character);
     port->Start(
         [this, uart](std::span<const std::uint8_t> bytes) {
           if (stopped_ || power_on_ns_ == BootTime::Never()) return;
@@ -143,7 +143,7 @@ class LibraryRole final : public Role {
     if (uart != Uart::kMain || stopped_ || !port) return now;
     port->Write(bytes);
     transmitter_free_ns_ =
-        std::max(transmitter_free_ns_, now) + link::BytesTime(baud_, static_cast<std::int64_t>(bytes.size()));
+        std::max(transmitter_free_ns_, now) + rate_.BytesTime(static_cast<std::int64_t>(bytes.size()));
     return transmitter_free_ns_;
   }
 
@@ -188,7 +188,7 @@ class LibraryRole final : public Role {
   NodeServices& services_;
   ClientSpec firmware_;
   Scenario scenario_;
-  std::int64_t baud_ = 0;
+  link::LineRate rate_;
   std::unique_ptr<Client> client_;
   std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
   boost::asio::steady_timer timer_;

@@ -69,7 +69,7 @@ class LinkRole final : public Role {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
     }
-    line_.emplace(scenario_, round_trips_, kClient, !hardware, true);
+    line_.emplace(scenario_, round_trips_, kOnlyClient, !hardware, true);
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
     actuators_bytes_ = ShortestCommand(*scenario_.link.protocol);
@@ -156,7 +156,8 @@ class LinkRole final : public Role {
       end.socket_name = device;
       ports.push_back({name, device});
     } else if (!device.empty()) {
-      end.serial = std::make_unique<link::SerialPort>(services_.loop(), device, baud);
+      end.serial =
+          std::make_unique<link::SerialPort>(services_.loop(), device, baud, scenario_.link.character);
       end.line = end.serial.get();
       ports.push_back({name, device});
       const auto latency = end.serial->SetLowLatency();
@@ -289,7 +290,7 @@ class LinkRole final : public Role {
     if (!line_->origin().known()) return;
     for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
-      services_.log().Write({next_sample_ns_, kClient, record::Counters{line_->counts()}});
+      services_.log().Write({next_sample_ns_, kOnlyClient, record::Counters{line_->counts()}});
   }
 
   void JudgeRoundTrip() {

@@ -23,7 +23,8 @@ class PlantRole final : public Role {
 
   void Arm(const Ports& ports) override {
     port_ = std::make_unique<link::SerialPort>(services_.loop(), FindPort(ports, "plant"),
-                                               loaded_.scenario.link.port_baud());
+                                               loaded_.scenario.link.port_baud(),
+                                               loaded_.scenario.link.character);
     port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
                  [this](const std::string& reason) {
                    services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
@@ -88,9 +89,9 @@ class PlantRole final : public Role {
     send_timer_.async_wait(
         [this, due, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
           if (error || alive.expired()) return;
-          const BootTime now = services_.clock().Now();
-          services_.lateness().Note(due, now);
-          SendOwn(now);
+          const BootTime late = services_.clock().Now();
+          services_.lateness().Note(due, late);
+          SendOwn(late);
         });
   }
 

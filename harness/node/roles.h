@@ -7,7 +7,7 @@
 namespace tiltproof::harness {
 
 // The place in the scenario of the client whose nodes these are: a flight in real time has one.
-inline constexpr std::size_t kClient = 0;
+inline constexpr std::size_t kOnlyClient = 0;
 
 // The server end of the line behind a serial port: plant, sensors, actuators, trace (harness/run/plant_server.h).
 std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& options);

@@ -110,7 +110,7 @@ bool ClientChannel::Deliver(BootTime until) {
     const Uart uart = direction == Direction::kReference ? Uart::kReference : Uart::kMain;
     while (const auto piece = line_.TakePiece(direction, until)) {
       delivered = true;
-      faults_.MarkReceived(direction, piece->arrival_ns, piece->bytes, marks_);
+      faults_.MarkReceived(direction, piece->arrival_ns, piece->bytes, marks_, piece->parity_errors);
       client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
     }
   }

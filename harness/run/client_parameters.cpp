@@ -180,11 +180,12 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
     if (scenario.firmware_of(client) == kLqrBuild || !scenario.gain_file.empty()) throw;
   }
   return fmt::format(
-      "{{\"vehicle\": {{\"name\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
+      "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
       " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"states\": {},\n \"inputs\": {},\n \"gain\": {},\n"
       " \"protocol\": {}}}\n",
-      Quoted(model.name), model.MassTotal(), ToSeconds(scenario.link.protocol->control_period_ns),
-      Name(scenario.angular_rates), SignalsText(scenario, model), StatesText(model), InputsText(model), gain,
+      Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
+      ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
+      SignalsText(scenario, model), StatesText(model), InputsText(model), gain,
       ProtocolText(*scenario.link.protocol));
 }
 

@@ -331,8 +331,8 @@ bool IsOnWire(const faults::FaultSpec& fault) {
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
   return {.firmware = scenario.firmware_of(client),
           .protocol = scenario.link.protocol,
-          .lines = {.main_baud = MainBaud(scenario.link),
-                    .reference_baud = ReferenceBaud(scenario.link),
+          .lines = {.main = scenario.link.main_rate(),
+                    .reference = scenario.link.reference_rate(),
                     .faulty = std::any_of(scenario.faults.begin(), scenario.faults.end(), IsOnWire)},
           .start_within_ns = scenario.start_within_ns,
           .watch = scenario.watch};

@@ -15,14 +15,12 @@ constexpr std::size_t kRepliesMax = 50'000;
 
 }  // namespace
 
-std::int64_t MainBaud(const LinkSpec& link) { return link.ideal ? 0 : link.baud; }
-std::int64_t ReferenceBaud(const LinkSpec& link) { return link.ideal ? 0 : link.reference_baud; }
-
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals, bool grows) {
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
-  faults::FaultSchedule::Place place{.baud = MainBaud(scenario.link),
-                                     .reference_baud = ReferenceBaud(scenario.link)};
+  faults::FaultSchedule::Place place{.baud = scenario.link.main_rate().baud,
+                                     .reference_baud = scenario.link.reference_rate().baud,
+                                     .character = scenario.link.character};
   place.protocol = scenario.link.protocol;
   place.step_ns = scenario.step_ns;
   place.client = id;
@@ -41,10 +39,11 @@ LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t cli
       faults_(ClientFaults(scenario, client, nullptr, grows)),
       wires_{[&] {
         const auto wire = [&](Direction direction, double latency_ms) {
-          const std::int64_t baud =
-              direction == Direction::kReference ? ReferenceBaud(scenario.link) : MainBaud(scenario.link);
-          link::WireConfig config{.baud = paced ? baud : 0,
-                                  .adapter_latency_ns = FromSeconds(latency_ms * 1e-3)};
+          const link::LineRate rate =
+              direction == Direction::kReference ? scenario.link.reference_rate() : scenario.link.main_rate();
+          link::WireConfig config{.baud = paced ? rate.baud : 0,
+                                  .adapter_latency_ns = FromSeconds(latency_ms * 1e-3),
+                                  .character = rate.character};
           if (scenario.link.adapter && direction != Direction::kReference) {
             config.adapter_latency_ns = FromSeconds(scenario.link.adapter->latency_ms * 1e-3);
             config.adapter_bytes_count = scenario.link.adapter->bytes_count;
@@ -139,7 +138,7 @@ std::optional<Line::Piece> LocalLine::TakePiece(Direction direction, BootTime un
   SendBack(direction, until);  // bytes that end no frame
   NoteOverfull(direction);
   if (!taken) return std::nullopt;
-  Piece piece{taken->arrival_ns, taken->bytes};
+  Piece piece{taken->arrival_ns, taken->bytes, nullptr, taken->parity_errors};
   At(ends_, direction)
       .Receive(
           *taken,

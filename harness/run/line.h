@@ -39,10 +39,6 @@ struct Overfull {
   TILTPROOF_FIELDS(by_faults, text)
 };
 
-// Baud rates of the two lines; 0: ideal, bytes take no time.
-std::int64_t MainBaud(const LinkSpec& link);
-std::int64_t ReferenceBaud(const LinkSpec& link);
-
 // The faults on a client's line, receiver and, where there are signals of the vehicle, samples.
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals = nullptr, bool grows = false);
@@ -56,6 +52,7 @@ class Line {
     // In the direction to_plant: the message that these bytes complete. Null when they complete no accepted
     // message.
     const link::Message* message = nullptr;
+    std::span<const std::uint8_t> parity_errors = {};  // link::Chunk::parity_errors of these bytes
   };
 
   virtual ~Line() = default;

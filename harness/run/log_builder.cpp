@@ -234,7 +234,7 @@ RunLog LogBuilder::Take() {
   const link::Protocol& protocol = *scenario_.link.protocol;
   for (std::size_t client = 0; client < clients_.size(); ++client) {
     AddClientHistory(log_, client, protocol);
-    AddProtocolUse(log_, client, protocol, MainBaud(scenario_.link));
+    AddProtocolUse(log_, client, protocol, scenario_.link.main_rate());
   }
   ExplainNeverStarted(log_, protocol);
   return std::move(log_);

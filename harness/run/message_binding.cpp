@@ -241,7 +241,8 @@ const SignalTable& TableOf(const link::MessageType& type, const VehicleSignals& 
   return ReferenceSignals();
 }
 
-std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle) {
+std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle,
+                               ProtocolField* unsuitable) {
   std::vector<std::string> missing, left_out, reasons;
   for (const link::MessageType& type : protocol.messages) {
     const PartFinder finder(protocol, TableOf(type, vehicle), AngularRates::kWorld);
@@ -249,6 +250,7 @@ std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSign
       try {
         finder.Of(type, field);
       } catch (const Unsuitable& why) {
+        if (unsuitable != nullptr && unsuitable->first == nullptr) *unsuitable = {&type, &field};
         why.missing.empty() ? AddOnce(reasons, why.reason) : AddOnce(missing, why.missing);
       }
     }

@@ -19,6 +19,7 @@
 #include <cstddef>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "harness/scenario/scenario.h"
@@ -65,7 +66,10 @@ class MessageBinding {
 const SignalTable& TableOf(const link::MessageType& type, const VehicleSignals& vehicle);
 
 // The reason that the protocol does not suit the vehicle: a message carries what the vehicle does not have, or the
-// actuator messages together lack one of its inputs. Empty when the protocol suits it.
-std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle);
+// actuator messages together lack one of its inputs. Empty when the protocol suits it. Then `field` stays null; else it
+// becomes the first field that the vehicle cannot fill, with its message, if there is one.
+using ProtocolField = std::pair<const link::MessageType*, const link::MessageField*>;
+std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSignals& vehicle,
+                               ProtocolField* field = nullptr);
 
 }  // namespace tiltproof::harness

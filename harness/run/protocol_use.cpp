@@ -43,13 +43,12 @@ struct RejectedFrame {
 // Calls on_frame(record of its last chunk, end of that, frame) for each frame of one direction, on one side of the faults.
 template <class OnFrame>
 void ForEachFrame(const LinkLog& link, WireId wire, bool delivered, const link::Protocol& protocol,
-                  std::int64_t baud, const OnFrame& on_frame) {
+                  const link::LineRate& rate, const OnFrame& on_frame) {
   MessageReceiver receiver(protocol, wire.direction);
   std::size_t offset = 0;
   while (const auto record = link.Next(offset)) {
     if (record->delivered != delivered || record->wire != wire) continue;
-    const TimeNs end_ns =
-        record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
+    const TimeNs end_ns = record->begin_ns + rate.BytesTime(static_cast<std::int64_t>(record->bytes.size()));
     receiver.ReceiveFrames(0, record->bytes,
                            [&](const MessageReceiver::Frame& frame) { on_frame(*record, end_ns, frame); });
   }
@@ -88,9 +87,9 @@ std::int64_t PossibleReplies(std::int64_t count, std::span<const std::uint8_t> b
 }
 
 // Adds what came to the client: replies to its message of each period.
-void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& protocol, std::int64_t baud,
-                const link::MessageType& reply, std::vector<Happening>& happenings,
-                std::vector<RejectedFrame>& rejected) {
+void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
+                const link::LineRate& rate, const link::MessageType& reply,
+                std::vector<Happening>& happenings, std::vector<RejectedFrame>& rejected) {
   MessageReceiver receiver(protocol, Direction::kToClient);
   std::span<const std::uint8_t> last_sent;
   std::size_t offset = 0;
@@ -100,8 +99,7 @@ void AddReplies(const LinkLog& link, std::size_t client, const link::Protocol& p
       last_sent = record->bytes;
       continue;
     }
-    const TimeNs end_ns =
-        record->begin_ns + link::BytesTime(baud, static_cast<std::int64_t>(record->bytes.size()));
+    const TimeNs end_ns = record->begin_ns + rate.BytesTime(static_cast<std::int64_t>(record->bytes.size()));
     bool is_message = false;
     std::int64_t count = 0;
     receiver.ReceiveFrames(0, record->bytes, [&](const MessageReceiver::Frame& frame) {
@@ -341,7 +339,8 @@ void JudgeExchanges(const std::vector<Happening>& happenings, const std::vector<
 
 }  // namespace
 
-void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud) {
+void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol,
+                    const link::LineRate& rate) {
   const LinkLog& link = log.link;
   ProtocolUse use{.refused_commands = 0};
   std::vector<Happening> happenings;
@@ -349,7 +348,7 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
   TimeNs started_ns = kNever;
   const link::MessageType& period_message = protocol.PeriodMessage();
   ForEachFrame(
-      link, {client, Direction::kToPlant}, false, protocol, baud,
+      link, {client, Direction::kToPlant}, false, protocol, rate,
       [&](const LinkRecord& record, TimeNs /*end_ns*/, const MessageReceiver::Frame& frame) {
         const TimeNs begin_ns = record.begin_ns;
         if (frame.message != nullptr && frame.message->type->starts) {
@@ -384,7 +383,7 @@ void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& proto
       });
   std::vector<RejectedFrame> rejected;
   if (const link::MessageType* reply = protocol.Find(period_message.reply))
-    AddReplies(link, client, protocol, baud, *reply, happenings, rejected);
+    AddReplies(link, client, protocol, rate, *reply, happenings, rejected);
   std::stable_sort(happenings.begin(), happenings.end(), [](const Happening& a, const Happening& b) {
     return a.time_ns != b.time_ns ? a.time_ns < b.time_ns : a.kind < b.kind;
   });

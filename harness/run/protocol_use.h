@@ -1,7 +1,7 @@
 // Counts how a client uses its protocol: what it sent, before any fault on the line, against what arrived at it.
 // Whatever a protocol says, a client asks once a period, answers what it hears, and sends only its messages.
 //
-//   AddProtocolUse(log, 0, *scenario.link.protocol, MainBaud(scenario.link));   // once log is in order of time
+//   AddProtocolUse(log, 0, *scenario.link.protocol, scenario.link.main_rate());   // once log is in order of time
 #pragma once
 
 #include <cstddef>
@@ -13,8 +13,9 @@ namespace tiltproof::harness {
 
 // Sets the protocol use and the line mistakes of one client. Adds an event for the first of its commands whose values no server takes, and for
 // the first of its other frames that are no message.
-// `baud`: of the client's main line; 0: bytes take no time. An exchange, from one request to the next, is counted
+// `rate`: of the client's main line. An exchange, from one request to the next, is counted
 // when it has ended.
-void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol, std::int64_t baud);
+void AddProtocolUse(RunLog& log, std::size_t client, const link::Protocol& protocol,
+                    const link::LineRate& rate);
 
 }  // namespace tiltproof::harness

@@ -10,6 +10,7 @@
 //          came already
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -52,6 +53,7 @@ class ReceivingEnd {
   // (MessageReceiver::Frame::rejected).
   template <class OnAccepted, class OnRejected>
   void Receive(const link::Wire::Piece& piece, const OnAccepted& on_accepted, const OnRejected& on_rejected) {
+    counts_.parity_errors += std::count(piece.parity_errors.begin(), piece.parity_errors.end(), 1);
     receiver_.ReceiveFrames(piece.number, piece.bytes, [&](const MessageReceiver::Frame& frame) {
       if (frame.message == nullptr) {
         CountRejected(piece.arrival_ns);

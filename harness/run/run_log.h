@@ -80,9 +80,11 @@ using NodeLateSpan = TimedLateSpan<BootTime>;
 // these are the bytes that differ from the byte sent in their place; in any other frame, the bytes outside
 // the longest common subsequence with the frame as sent. Lost bytes are not delivered, and repeated frames
 // count as they were sent.
+// parity_errors: bytes that arrived with a wrong parity bit.
 struct DirectionCounts {
-  std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0;
-  TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted)
+  std::int64_t frames_sent = 0, frames_accepted = 0, frames_rejected = 0, bytes_corrupted = 0,
+               parity_errors = 0;
+  TILTPROOF_FIELDS(frames_sent, frames_accepted, frames_rejected, bytes_corrupted, parity_errors)
 };
 
 // A mistake that a flight counts, and the first of its kind.

@@ -104,8 +104,16 @@ void DescribeProtocolOf(KeyVisitor& v, std::shared_ptr<const link::Protocol>& pr
 
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
-  v.Integer({"baud", "Bits per second of the main line, 8N1: ten bits per byte"}, link.baud, {1200, 10e6});
+  v.Integer({"baud", "Bits per second of the main line; a byte takes 10 bits by default"}, link.baud,
+            {1200, 10e6});
   v.Integer({"reference_baud", "The same of the reference line"}, link.reference_baud, {1200, 10e6});
+  v.Integer(
+      {"data_bits", "Data bits of a byte, 7 or 8, on both lines. With 7 the top bit of every byte is lost"},
+      link.character.data_bits, {7, 8});
+  Enumeration(v, {"parity", "Parity bit behind the data bits, on both lines"}, link::kParities,
+              link.character.parity);
+  v.Integer({"stop_bits", "Stop bits behind each byte, 1 or 2, on both lines"}, link.character.stop_bits,
+            {1, 2});
   DescribeProtocolOf(v, link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
            link.adapter_latency_ms, {0, 1000});

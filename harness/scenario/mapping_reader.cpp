@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <charconv>
+#include <functional>
+#include <map>
 #include <regex>
+#include <string>
 #include <system_error>
 #include <utility>
 
@@ -23,6 +26,14 @@ bool HasControlCharacter(std::string_view text) {
   return std::any_of(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) < 0x20 && c != '\n' && c != '\t') || c == 0x7F;
   });
+}
+
+// Compiling an expression takes longer than matching a name.
+const std::regex& Compiled(std::string_view regex) {
+  thread_local std::map<std::string, std::regex, std::less<>> known;
+  const auto found = known.find(regex);
+  if (found != known.end()) return found->second;
+  return known.emplace(regex, std::regex(std::string(regex))).first->second;
 }
 
 }  // namespace
@@ -117,7 +128,7 @@ std::optional<std::string> MappingReader::ReadText(std::string_view key, const Y
     Complain(node.mark, fmt::format("{}: longer than {} bytes", key, rule.length_max));
   } else if (HasControlCharacter(node.text)) {
     Complain(node.mark, fmt::format("{}: contains a control character", key));
-  } else if (!rule.regex.empty() && !std::regex_match(node.text, std::regex(std::string(rule.regex)))) {
+  } else if (!rule.regex.empty() && !std::regex_match(node.text, Compiled(rule.regex))) {
     Complain(node.mark, fmt::format("{}: {} must be {}", key, Describe(node), rule.meaning));
   } else if (std::find(rule.reserved.begin(), rule.reserved.end(), node.text) != rule.reserved.end()) {
     Complain(node.mark, fmt::format("{}: {} is {}; choose another", key, Describe(node), rule.reserved_for));

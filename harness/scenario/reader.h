@@ -29,6 +29,12 @@ struct FormulaProblem {
   std::string message;
 };
 
+// The reason that a protocol does not suit a vehicle, and the first field that the reason is about.
+struct ProtocolProblem {
+  std::string reason;
+  std::string message, signal;  // empty: no field is wrong
+};
+
 // The reader's questions to higher layers.
 struct ReadOptions {
   // Where `model: name` finds name.sdf.
@@ -53,7 +59,7 @@ struct ReadOptions {
       check_model;
   // Checks that the scenario's protocol carries the vehicle's signals, and returns the reason that it does not; none:
   // not checked.
-  std::function<std::optional<std::string>(const Scenario& scenario, const VehicleSignals& vehicle)>
+  std::function<std::optional<ProtocolProblem>(const Scenario& scenario, const VehicleSignals& vehicle)>
       check_protocol;
 };
 

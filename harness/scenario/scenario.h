@@ -14,6 +14,7 @@
 
 #include "faults/fault.h"
 #include "harness/reference/reference_spec.h"
+#include "link/character.h"
 #include "link/protocol.h"
 #include "link/time.h"
 
@@ -35,15 +36,18 @@ struct AdapterSpec {
 };
 
 struct LinkSpec {
-  static constexpr std::int64_t kDefaultBaud = 921'600;
+  static constexpr std::int64_t kDefaultBaud = link::LineRate::kUsualBaud;
 
   bool ideal = false;  // zero byte time
   std::int64_t baud = kDefaultBaud;
   std::int64_t reference_baud = kDefaultBaud;
+  link::CharacterFormat character;                                               // on both lines
   std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");  // never null
   double adapter_latency_ms = 0.0;
   std::optional<AdapterSpec> adapter;  // in both directions of the main line
 
+  link::LineRate main_rate() const { return {ideal ? 0 : baud, character}; }
+  link::LineRate reference_rate() const { return {ideal ? 0 : reference_baud, character}; }
   // The rates to which serial ports are set; on an ideal line they do not matter.
   std::int64_t port_baud() const { return ideal ? kDefaultBaud : baud; }
   std::int64_t reference_port_baud() const { return ideal ? kDefaultBaud : reference_baud; }

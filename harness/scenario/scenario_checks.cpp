@@ -20,6 +20,7 @@
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/mapping_reader.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
@@ -179,7 +180,7 @@ class Checker {
     const YamlMark mark = PlaceOf(root_, "model");
     const std::string& model = scenario_.model;
     std::error_code error;
-    if (model.ends_with(".sdf")) {
+    if (IsModelPath(model)) {
       scenario_.model_file = RelativeToScenario(model);
       if (!fs::is_regular_file(scenario_.model_file, error)) {
         Complain(mark, fmt::format("model: there is no file {}", scenario_.model_file.string()));
@@ -214,7 +215,26 @@ class Checker {
     if (!options_.check_protocol) return;
     const auto trouble = options_.check_protocol(scenario_, *vehicle);
     if (!trouble) return;
-    ComplainProtocol(*trouble);
+    const std::optional<YamlMark> place = PlaceOfField(*trouble);
+    if (!place) return ComplainProtocol(trouble->reason);
+    if (protocol_file_.empty()) return Complain(*place, fmt::format("signal: {}", trouble->reason));
+    ComplainProtocol(ToString(
+        Diagnostic{protocol_file_, place->line, place->column, fmt::format("signal: {}", trouble->reason)}));
+  }
+
+  // The place of the signal in the user's protocol; none when it is not about one.
+  std::optional<YamlMark> PlaceOfField(const ProtocolProblem& problem) const {
+    const auto find = [](const YamlNode* list, std::string_view key,
+                         std::string_view text) -> const YamlNode* {
+      if (list == nullptr) return nullptr;
+      for (const YamlNode& item : list->items)
+        if (const YamlNode* value = ValueOf(&item, key); value != nullptr && value->text == text)
+          return &item;
+      return nullptr;
+    };
+    const YamlNode* message = find(ValueOf(protocol_root_, "messages"), "name", problem.message);
+    const YamlNode* field = find(ValueOf(message, "fields"), "signal", problem.signal);
+    return field == nullptr ? std::nullopt : std::optional(PlaceOf(*field, "signal"));
   }
 
   void ComplainProtocol(const std::string& trouble) {
@@ -399,7 +419,7 @@ class Checker {
     }
   }
 
-  // The signals and parts that faults name are the vehicle's, and wind blows on one that feels it.
+  // The signals and parts that faults name are the vehicle's, and suit the faults.
   void CheckSignals(const YamlNode& list) {
     if (!options_.vehicle_signals) return;
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
@@ -408,12 +428,8 @@ class Checker {
       const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
       const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
       if (type == nullptr || parameters == nullptr) continue;
-      const auto* plant = type->As<faults::PlantKind>();
-      if (plant != nullptr && plant->is_wind && !vehicle->feels_wind)
-        Complain(list.items[i], "type",
-                 fmt::format("type: {} moves only a vehicle with drag; this one's file has no "
-                             "<tiltproof:drag> (tiltrotor_drag has one)",
-                             type->name));
+      if (const auto reason = faults::Unsuited(scenario_.faults[i], *type, *vehicle))
+        Complain(list.items[i], "type", fmt::format("type: {} {}", type->name, *reason));
       for (const faults::ParameterInfo& info : type->parameters) {
         const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
         const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "harness/scenario/keys.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {
@@ -124,7 +125,7 @@ class Writer : public KeyVisitor {
 
 std::string WriteResolved(const Scenario& scenario) {
   Scenario resolved = scenario;
-  if (resolved.model.ends_with(".sdf") && !resolved.model_file.empty())
+  if (IsModelPath(resolved.model) && !resolved.model_file.empty())
     resolved.model = resolved.model_file.string();
   if (!resolved.gain_file.empty()) resolved.gain = resolved.gain_file.string();
   if (auto* recorded = std::get_if<RecordedReference>(&resolved.reference.path)) {

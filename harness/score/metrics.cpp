@@ -397,6 +397,7 @@ class Calculator {
       SetCount(group + "frames_accepted_count", counts.frames_accepted);
       SetCount(group + "frames_rejected_count", counts.frames_rejected);
       SetCount(group + "bytes_corrupted_count", counts.bytes_corrupted);
+      SetCount(group + "parity_errors_count", counts.parity_errors);
     }
     SetCount(of_link("accepted_wrong_count"), own.accepted_wrong_count);
     SetCount(of_link("accepted_stale_count"), own.accepted_stale_count);
@@ -492,7 +493,7 @@ const std::vector<std::string>& MetricNames() {
                                     "timing.harness_late_max_ms"};
     for (const std::string direction : {"to_client", "to_plant", "reference"})
       for (const std::string counter :
-           {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted"})
+           {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted", "parity_errors"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
     all.insert(all.end(),
                {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",

@@ -32,6 +32,10 @@ extern boost::asio::io_context& loop;
 extern std::vector<std::uint8_t> payload, frame;
 extern BootTime now;
 
+// link/character.h
+extern const BootTime begin;
+extern const std::uint8_t byte;
+
 // link/check.h
 extern TimeNs now, last_ns_;
 

@@ -15,7 +15,7 @@ PROTOCOL = (pathlib.Path(__file__).parents[2] / "harness/emulator/lockstep_proto
 KINDS = re.findall(r"^  k(\w+),", PROTOCOL[PROTOCOL.index("enum class Kind"):PROTOCOL.index("struct Header")], re.MULTILINE)
 RECEIVE, RUN, HELLO, TRANSMIT, USART, STOPPED = map(KINDS.index, ("Receive", "Run", "Hello", "Transmit", "Usart", "Stopped"))
 MAIN, REFERENCE, CONSOLE = 0, 1, 2
-NONE, OVERRUN, FRAMING, NOISE = range(4)
+NONE, OVERRUN, FRAMING, NOISE, PARITY = range(5)
 COMMAND = ["qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "none", "-nodefaults", "-icount", "shift=3,sleep=off"]
 
 
@@ -25,7 +25,7 @@ class LockstepBoard:
     def __init__(self, plugin, image, barrier=0x7E, more="", on_stop=lambda board: None):
         self.console = ""
         self.sent = []
-        self.usart = None  # of the main line: BRR, CR1, CR3, its clock
+        self.usart = None  # of the main line: BRR, CR1, CR2, CR3, its clock
         self._on_stop = on_stop
         self._socket, far = socket.socketpair()
         self._socket.settimeout(60)
@@ -51,8 +51,8 @@ class LockstepBoard:
     def __exit__(self, *_):
         self.close()
 
-    def receive(self, at_ns, byte, mark=NONE, usart=MAIN):
-        self._send(RECEIVE, struct.pack("<qBBB?4x", at_ns, usart, byte, mark, False))
+    def receive(self, at_ns, word, mark=NONE, usart=MAIN):
+        self._send(RECEIVE, struct.pack("<qHBB?3x", at_ns, word, usart, mark, False))
 
     def run(self, until_ns):
         while self.now_ns < until_ns:
@@ -83,6 +83,6 @@ class LockstepBoard:
                     elif usart == MAIN:
                         self.sent.append((at, byte))
             elif kind == USART and body[0] == MAIN:
-                self.usart = struct.unpack("<4x4I", body)
+                self.usart = struct.unpack("<4x5I", body)
             if kind == wanted:
                 return body

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import unittest
 
-from lockstep_board import FRAMING, NOISE, NONE, LockstepBoard
+from lockstep_board import FRAMING, NOISE, NONE, PARITY, LockstepBoard
 
 PLUGIN, SOURCE = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 del sys.argv[1:3]
@@ -25,6 +25,10 @@ ANSWERS = {
     "D": [(character, NONE) for character in "0123456789ab"],
     "F": [("x", FRAMING)],
     "N": [("x", NOISE)],
+    "P": [("x", PARITY)],
+    # Words with the parity bit on top: 8 data bits in 9, 7 data bits in 8.
+    "Q": [(chr(0x178), NONE)],
+    "R": [(chr(0xF8), PARITY)],
 }
 
 
@@ -81,7 +85,7 @@ class Registers(unittest.TestCase):
 
     def test_usart(self):
         board = self.run_image("usart")
-        self.assertEqual(board.usart[3], 16_000_000, "the clock that the harness is told")
+        self.assertEqual(board.usart[4], 16_000_000, "the clock that the harness is told")
         # A byte is given to the transmitter when the one before has been handed on, a byte time after the last.
         times = {chr(byte): at for at, byte in board.sent}
         self.assertAlmostEqual(times["a"] - times["b"], BYTE_NS, delta=500)

@@ -1,4 +1,5 @@
 // Serial ports over real pseudo-terminals; the far side is plain POSIX calls.
+#include <dlfcn.h>
 #include <fcntl.h>
 #include <grp.h>
 #include <gtest/gtest.h>
@@ -25,6 +26,18 @@
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
 #include "link/termios_baud.h"
+
+namespace {
+// The settings that programs have asked for: a pseudo-terminal does not keep them.
+std::vector<struct termios> settings_made;
+}  // namespace
+
+extern "C" int tcsetattr(int descriptor, int actions, const struct termios* settings) noexcept {
+  static const auto real =
+      reinterpret_cast<int (*)(int, int, const struct termios*)>(dlsym(RTLD_NEXT, "tcsetattr"));
+  settings_made.push_back(*settings);
+  return real(descriptor, actions, settings);
+}
 
 namespace tiltproof::link {
 namespace {
@@ -409,6 +422,25 @@ TEST_F(SerialPortTest, DevicesAreListedInOrder) {
               ::testing::ElementsAre(dev + "/ttyACM0", dev + "/ttyUSB0", dev + "/ttyUSB1",
                                      dev + "/serial/by-id/usb-FTDI-if00"));
   EXPECT_TRUE(ListSerialDevices(folder_ / "nowhere").empty());
+}
+
+TEST(SerialPortFormatTest, TheDriverIsAskedForTheCharactersOfTheLine) {
+  const std::vector<std::pair<CharacterFormat, tcflag_t>> cases = {
+      {{}, CS8},
+      {{.parity = Parity::kEven}, CS8 | PARENB},
+      {{.data_bits = 7, .parity = Parity::kOdd}, CS7 | PARENB | PARODD},
+      {{.stop_bits = 2}, CS8 | CSTOPB}};
+  for (const auto& [format, flags] : cases) {
+    boost::asio::io_context loop;
+    Pty pty(loop);
+    settings_made.clear();
+    const SerialPort port(loop, pty.slave_path(), 115'200, format);
+    ASSERT_FALSE(settings_made.empty());
+    const struct termios& settings = settings_made.front();
+    EXPECT_EQ(settings.c_cflag & (CSIZE | PARENB | PARODD | CMSPAR | CSTOPB), flags) << Name(format);
+    // A byte with a parity error is received as it is, without a mark (termios(3)).
+    EXPECT_EQ(settings.c_iflag & (INPCK | IGNPAR | PARMRK | ISTRIP), 0U);
+  }
 }
 
 }  // namespace

@@ -319,7 +319,7 @@ class NaiveWire {
     };
     // The chunk's end as its bytes' times add up: begin of the first, the pauses, and its length.
     BootTime chunk_begin;
-    const TimeNs idle = 20LL * 10 * kNsPerS / (config_.baud == 0 ? 921'600 : config_.baud);
+    const TimeNs idle = 20LL * Bits() * kNsPerS / (config_.baud == 0 ? 921'600 : config_.baud);
     for (std::size_t i = 0; i < sent_.size(); ++i) {
       const Byte& byte = sent_[i];
       if (!open.empty() && byte.now >= sent_[i - 1].end + idle) {
@@ -346,7 +346,11 @@ class NaiveWire {
     std::uint8_t value;
     BootTime now, begin, end;
   };
-  TimeNs Span(std::int64_t n) const { return config_.baud == 0 ? 0 : n * 10'000'000'000 / config_.baud; }
+  std::int64_t Bits() const {
+    const CharacterFormat& format = config_.character;
+    return 1 + format.data_bits + (format.parity == Parity::kNone ? 0 : 1) + format.stop_bits;
+  }
+  TimeNs Span(std::int64_t n) const { return config_.baud == 0 ? 0 : n * Bits() * kNsPerS / config_.baud; }
 
   WireConfig config_;
   BootTime base_;
@@ -356,7 +360,10 @@ class NaiveWire {
 
 RC_GTEST_PROP(WirePropertyTest, EqualsTheByteByByteModel, ()) {
   const WireConfig config{.baud = *rc::gen::element<std::int64_t>(921'600, 921'600, 115'200, 300, 0),
-                          .adapter_latency_ns = *rc::gen::element<TimeNs>(0, 0, 1'000'000)};
+                          .adapter_latency_ns = *rc::gen::element<TimeNs>(0, 0, 1'000'000),
+                          .character = {.data_bits = *rc::gen::element<std::int64_t>(7, 8),
+                                        .parity = *rc::gen::element(Parity::kNone, Parity::kEven),
+                                        .stop_bits = *rc::gen::element<std::int64_t>(1, 2)}};
   Wire wire(config, Direction::kToPlant, kPaper, nullptr);
   NaiveWire naive(config);
   const TimeNs byte_time = config.baud == 0 ? 10'851 : 10 * kNsPerS / config.baud;

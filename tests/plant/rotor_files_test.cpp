@@ -70,6 +70,20 @@ class VehicleFile : public ::testing::Test {
   std::vector<std::string> warnings_;
 };
 
+TEST_F(VehicleFile, AFallingThrustMayHaveALagOfItsOwn) {
+  const std::string bodies =
+      LinkXml("body", "0 0 0 0 0 0", 1, 0.01) + LinkXml("right", "0 -0.3 0 0 0 0", 0.1, 1e-4) +
+      LinkXml("left", "0 0.3 0 0 0 0", 0.1, 1e-4) + FixedXml("body", "right") + FixedXml("body", "left");
+  const VehicleModel model =
+      Load(bodies, ThrusterXml("right", 1, "time_constant_s='0.0125' time_constant_down_s='0.025'") +
+                       ThrusterXml("left", -1, "time_constant_s='0.02'"));
+  EXPECT_EQ(model.rotors[0].time_constant_up_s, 0.0125);
+  EXPECT_EQ(model.rotors[0].time_constant_down_s, 0.025);
+  EXPECT_EQ(model.rotors[1].time_constant_down_s, 0.02);
+  EXPECT_THAT(Error(bodies, ThrusterXml("right", 1, "time_constant_down_s='-1'") + ThrusterXml("left", -1)),
+              HasSubstr("'time_constant_down_s' must be in [0, 10], is -1"));
+}
+
 std::string QuadrotorBodies() {
   return LinkXml("body", "0 0 0 0 0 0", 1, 0.01) +
          // Turned about z, which changes nothing but the axes of the link.

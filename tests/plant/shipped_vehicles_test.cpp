@@ -14,6 +14,7 @@ namespace tiltproof::plant {
 namespace {
 
 using ::testing::Each;
+using ::testing::ElementsAre;
 
 // The largest generalised force of the vehicle, level and at rest, with these thrusts: 0 in hover.
 double Unbalance(const VehicleModel& model, const std::vector<double>& thrusts_n) {
@@ -32,6 +33,8 @@ TEST(ShippedVehicles, TheQuadrotorHasThePublishedNumbers) {
   for (const Rotor& rotor : model.rotors) {
     EXPECT_NEAR(std::hypot(rotor.p_LR_m.x(), rotor.p_LR_m.y()), 0.17, 1e-7) << rotor.name;
     EXPECT_NEAR(rotor.force_max_n, 8.54858e-6 * 838 * 838, 1e-4);
+    EXPECT_EQ(rotor.time_constant_up_s, 0.0125);
+    EXPECT_EQ(rotor.time_constant_down_s, 0.025);
   }
   // Four point masses on the arms, at a height of 0.01 m, and the body's moment about the new centre of mass.
   const double height_m = 4 * kRotor_kg * 0.01 / kMass_kg;
@@ -44,6 +47,47 @@ TEST(ShippedVehicles, TheQuadrotorHasThePublishedNumbers) {
   EXPECT_NEAR(model.base.inertia_kg_m2(0, 0), 0.007 + lateral_kg_m2, 1e-9);
   for (const double thrust_n : model.HoverInput()) EXPECT_NEAR(thrust_n, kMass_kg * 9.81 / 4, 1e-9);
   EXPECT_LT(Unbalance(model, std::vector<double>(4, kMass_kg * 9.81 / 4)), 1e-9);
+}
+
+// RotorS, component_snippets.xacro: the density of the white noise, sampled with its worlds' step of 0.01 s.
+TEST(ShippedVehicles, TheQuadrotorsSensorsHaveThePublishedNoise) {
+  const VehicleModel model = LoadShipped("quadrotor");
+  ASSERT_EQ(model.sensors.size(), 4U);
+  const Sensor& imu = model.sensors[0];
+  ASSERT_EQ(imu.noise.size(), 6U);
+  EXPECT_EQ(imu.rate_hz, 100);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const SensorNoise &acc = imu.noise[i], &gyro = imu.noise[3 + i];
+    EXPECT_NEAR(acc.stddev, 0.004 / std::sqrt(0.01), 1e-12);
+    EXPECT_NEAR(gyro.stddev, 0.0003394 / std::sqrt(0.01), 1e-12);
+    EXPECT_EQ(acc.bias_stddev, 0.196);
+    EXPECT_EQ(gyro.bias_stddev, 0.0087);
+    EXPECT_EQ(acc.walk_density, 0.006);
+    EXPECT_EQ(gyro.walk_density, 0.000038785);
+    EXPECT_EQ(acc.walk_time_s, 300);
+    EXPECT_EQ(gyro.walk_time_s, 1000);
+  }
+  // A uniform bias within 4e-7 T has this standard deviation.
+  EXPECT_NEAR(model.sensors[1].noise[0].bias_stddev, 4e-7 / std::sqrt(3), 1e-12);
+  EXPECT_EQ(model.sensors[1].noise[0].stddev, 8e-8);
+  EXPECT_EQ(model.sensors[3].rate_hz, 5);
+  std::vector<double> deviations;
+  for (const SensorNoise& noise : model.sensors[3].noise) deviations.push_back(noise.stddev);
+  EXPECT_THAT(deviations, ElementsAre(3, 3, 6, 0.1, 0.1, 0.1));
+}
+
+TEST(ShippedVehicles, TheQuadrotorStandsOnItsFeet) {
+  const VehicleModel model = LoadShipped("quadrotor");
+  Plant plant(model, {.touch_down_max_m_s = 1});
+  plant.ResetOnGround(0, 0, {0, 0, 0});
+  std::vector<double> state(model.signals().states.size());
+  const std::vector<double> no_thrust(4, 0.0);
+  for (int i = 0; i < 500; ++i) plant.Step(no_thrust);
+  plant.State(state);
+  EXPECT_EQ(plant.Event(), FlightEvent::kNone) << plant.EventText();
+  EXPECT_TRUE(plant.OnGround());
+  EXPECT_NEAR(state[2], 0.07, 1e-5);  // feet of 0.01 m, 0.06 m below the origin
+  for (std::size_t i = 6; i < 12; ++i) EXPECT_NEAR(state[i], 0, 1e-6);
 }
 
 TEST(ShippedVehicles, TheHexarotorHasThePublishedTotals) {
@@ -102,7 +146,8 @@ TEST(ShippedVehicles, APositiveAngleTiltsTheThrustForward) {
 
 // Direction 1 is a propeller that turns clockwise, seen from above: its drag turns the body counter-clockwise.
 TEST(ShippedVehicles, DirectionOneTurnsTheBodyToTheLeft) {
-  const VehicleModel model = LoadShipped("quadrotor");
+  VehicleModel model = LoadShipped("quadrotor");
+  for (Rotor& rotor : model.rotors) rotor.time_constant_up_s = rotor.time_constant_down_s = 0;
   Plant plant(model, {});
   std::vector<double> input = model.HoverInput();
   for (std::size_t i = 0; i < 4; ++i) input[i] += 0.1 * model.rotors[i].direction;

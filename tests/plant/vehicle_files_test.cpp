@@ -88,9 +88,15 @@ TEST_F(VehicleFolder, MergedModelFliesLikeTheModel) {
   EXPECT_EQ(IncludedFiles(Case("outer.sdf")),
             (std::vector<std::filesystem::path>{Case("tr/model.sdf").lexically_normal()}));
 }
-TEST_F(VehicleFolder, RotorWithoutDragRatioIsNamed) {
-  EXPECT_THAT(Error(Case("nodrag.sdf")),
-              HasSubstr("nodrag.sdf:72: <tiltproof:thruster> needs the attribute 'drag_ratio_m'"));
+TEST_F(VehicleFolder, RotorWithoutDragRatioFliesWithoutDragTorque) {
+  const VehicleModel model = Load(Case("nodrag.sdf"));
+  EXPECT_EQ(model.rotors[0].drag_ratio_m, 0);
+  EXPECT_EQ(model.rotors[1].drag_ratio_m, 0);
+  EXPECT_THAT(
+      warnings_,
+      ElementsAre(
+          HasSubstr("nodrag.sdf:72: rotor 'right': without drag_ratio_m its propeller exerts no drag torque"),
+          HasSubstr("nodrag.sdf:74: rotor 'left': without drag_ratio_m")));
 }
 
 std::string Body(const std::string& name, const std::string& pose, const std::string& mass,
@@ -178,6 +184,8 @@ TEST_F(VehicleFolder, PluginWithoutANumberNamesIt) {
                                        HasSubstr("--mapping` writes quad.tiltproof.xml")));
   const std::string mapping = VehicleMapping(folder_ / "quad.sdf");
   EXPECT_THAT(mapping, HasSubstr("force_max_n=\"FILL_IN\""));
+  // The lags of the plugin, both of them.
+  EXPECT_THAT(mapping, HasSubstr("time_constant_s=\"0.0125\" time_constant_down_s=\"0.025\"/>"));
   Write("quad.tiltproof.xml", mapping);
   EXPECT_THAT(Error("quad.sdf"), HasSubstr("'force_max_n' must be a number, is 'FILL_IN'"));
   std::string filled = mapping;

@@ -334,13 +334,12 @@ TEST_F(ChangedVehicle, EverythingWrongIsToldAtOnceInTheOrderOfTheFile) {
                  HasSubstr(message));
   };
   EXPECT_THAT(
-      lines,
-      ElementsAre(place(15, "'body': impossible inertia"), place(44, "the mass must be positive"),
-                  place(63, "'thruster_lfet' does not exist"), place(71, "needs the attribute 'link'"),
-                  place(72, "no attribute 'drag_ratio'"), place(72, "'direction' must be 1 or -1"),
-                  place(72, "needs the attribute 'drag_ratio_m'"), place(76, "'hinge_rihgt' does not exist"),
-                  "to copy into <tiltproof:vehicle>, with the numbers of your vehicle:",
-                  "    <tiltproof:base link=\"body\"/>"));
+      lines, ElementsAre(place(15, "'body': impossible inertia"), place(44, "the mass must be positive"),
+                         place(63, "'thruster_lfet' does not exist"), place(71, "needs the attribute 'link'"),
+                         place(72, "no attribute 'drag_ratio'"), place(72, "'direction' must be 1 or -1"),
+                         place(76, "'hinge_rihgt' does not exist"),
+                         "to copy into <tiltproof:vehicle>, with the numbers of your vehicle:",
+                         "    <tiltproof:base link=\"body\"/>"));
 }
 
 // The elements that the error offers make the file complete.

@@ -22,10 +22,8 @@ class Disconnect : public WireModel {
         return;
       }
       if (goes_on) {
-        link::Chunk run = chunk;
+        link::Chunk run = chunk.Part(from, to);
         run.begin_ns = BeginOf(chunk, from);
-        run.bytes.assign(chunk.bytes.begin() + static_cast<std::ptrdiff_t>(from),
-                         chunk.bytes.begin() + static_cast<std::ptrdiff_t>(to));
         out.push_back(std::move(run));
       } else if (context.what != nullptr) {
         context.Say("bytes " + std::to_string(from) + " to " + std::to_string(to - 1) + " of " +

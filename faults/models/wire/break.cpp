@@ -1,3 +1,4 @@
+#include "faults/bits.h"
 #include "faults/fault_type.h"
 
 namespace tiltproof::faults {
@@ -8,18 +9,17 @@ class Break : public WireModel {
   explicit Break(const WireSetup& setup) : rate_(setup.rate) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::vector<std::uint8_t> heard;
+    link::Chunk heard = chunk.Part(0, 0);
     std::size_t lost_count = 0;
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       if (!context.ActiveDuringByte(chunk, i, rate_))
-        heard.push_back(chunk.bytes[i]);
+        heard.Append(chunk, i);
       else if (lost_count++ == 0)
-        heard.push_back(0);
+        heard.Append(0, LowIsParityError(rate_.character));
     }
     if (context.what != nullptr && lost_count > 0)
       context.Say("break in place of " + std::to_string(lost_count) + " bytes");
-    chunk.bytes = std::move(heard);
-    out.push_back(std::move(chunk));
+    out.push_back(std::move(heard));
   }
 
  private:
@@ -35,7 +35,8 @@ FaultType WireBreak() {
       .semantics =
           "Models a driver that resets in the middle of a frame, or a program that sends a break. A frame "
           "loses the bytes that are on the line during any part of the window. The first of them arrives as "
-          "00, which is what a receiver reads of a break. What of the frame comes after the window arrives, "
+          "00, which is what a receiver reads of a break; with odd parity, that has a parity error. What of "
+          "the frame comes after the window arrives, "
           "directly behind the 00. Each frame that the window meets is broken off once. `every_nth_count` "
           "and `probability` choose among the frames that are on the line during the window.",
       .source =

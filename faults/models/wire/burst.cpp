@@ -7,19 +7,17 @@
 namespace tiltproof::faults {
 namespace {
 
-constexpr std::int64_t kBitsPerByte = 8;
-
 class Burst : public WireModel {
  public:
   explicit Burst(const WireSetup& setup)
       : length_bits_(setup.parameters.Integer("length_bits")),
         density_(setup.parameters.Number("density")),
-        baud_(setup.rate.clock_baud()),
+        rate_(setup.rate.OrUsual()),
         events_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     {
-      BitFlipper bits(chunk, context);
+      BitFlipper bits(chunk, context, rate_.character);
       const auto bit_count = static_cast<std::int64_t>(bits.BitCount());
       std::vector<PoissonEvents::Event> found;
       events_.In(chunk.begin_ns - BitsTime(length_bits_), chunk.begin_ns + BitsTime(bit_count), found);
@@ -37,20 +35,21 @@ class Burst : public WireModel {
   }
 
  private:
-  // A byte's data bits share its time on the wire evenly. Rounded up: no burst is missed.
+  // A byte's data and parity bits share its time on the wire evenly. Rounded up: no burst is missed.
   TimeNs BitsTime(std::int64_t bit_count) const {
-    return link::BytesTime(baud_, (bit_count + kBitsPerByte - 1) / kBitsPerByte) + 1;
+    const std::int64_t byte_bits = rate_.character.content_bits();
+    return rate_.BytesTime((bit_count + byte_bits - 1) / byte_bits) + 1;
   }
   // The first bit that begins at or after that time, which is relative to the chunk's begin.
   std::int64_t FirstBitFrom(TimeNs t) const {
-    const std::int64_t divisor = 10 * kNsPerS;
-    const std::int64_t scaled = t * kBitsPerByte * baud_;
+    const std::int64_t divisor = rate_.character.bit_count() * kNsPerS;
+    const std::int64_t scaled = t * rate_.character.content_bits() * rate_.baud;
     return scaled >= 0 ? (scaled + divisor - 1) / divisor : -(-scaled / divisor);
   }
 
   std::int64_t length_bits_;
   double density_;
-  std::int64_t baud_;
+  LineRate rate_;
   PoissonEvents events_;
 };
 
@@ -63,8 +62,8 @@ FaultType WireBurst() {
               "Models ignition, switching contacts and electrostatic discharge, which know nothing of the "
               "frames. Disturbances come as a Poisson process in time, whether or not something is sent. A "
               "disturbance that falls on an idle line has no effect. Each disturbance lasts `length_bits` "
-              "data bits (the eight data bits of a byte share its time evenly) and flips each bit that "
-              "begins within it with probability `density`. A disturbance may begin before a frame and end "
+              "data bits; the data bits of a byte, and its parity bit, share its time evenly. Each bit that "
+              "begins within a disturbance is flipped with probability `density`. A disturbance may begin before a frame and end "
               "after it. On an ideal link, bits are placed as at 921600 baud.",
           .source =
               "IEC 61000-4-4:2012 (electrical fast transients in bursts); Kingman, Poisson Processes, "

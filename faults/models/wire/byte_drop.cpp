@@ -9,17 +9,16 @@ class ByteDrop : public WireModel {
   explicit ByteDrop(double probability) : probability_(probability) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::size_t kept = 0;
+    link::Chunk kept = chunk.Part(0, 0);
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       if (context.random.Bernoulli(probability_)) {
         if (context.what != nullptr)
           context.Say("byte " + std::to_string(i) + " " + Hex(chunk.bytes[i]) + " lost");
       } else {
-        chunk.bytes[kept++] = chunk.bytes[i];
+        kept.Append(chunk, i);
       }
     }
-    chunk.bytes.resize(kept);
-    if (kept > 0) out.push_back(std::move(chunk));
+    if (!kept.bytes.empty()) out.push_back(std::move(kept));
   }
 
  private:

@@ -9,17 +9,16 @@ class ByteDuplicate : public WireModel {
   explicit ByteDuplicate(double probability) : probability_(probability) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::vector<std::uint8_t> edited;
-    edited.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
+    link::Chunk edited = chunk.Part(0, 0);
+    edited.bytes.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
-      edited.push_back(chunk.bytes[i]);
+      edited.Append(chunk, i);
       if (!context.random.Bernoulli(probability_)) continue;
-      edited.push_back(chunk.bytes[i]);
+      edited.Append(chunk, i);
       if (context.what != nullptr)
         context.Say("byte " + std::to_string(i) + " " + Hex(chunk.bytes[i]) + " repeated");
     }
-    chunk.bytes = std::move(edited);
-    out.push_back(std::move(chunk));
+    out.push_back(std::move(edited));
   }
 
  private:

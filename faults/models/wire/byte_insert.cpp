@@ -9,18 +9,17 @@ class ByteInsert : public WireModel {
   explicit ByteInsert(double probability) : probability_(probability) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::vector<std::uint8_t> edited;
-    edited.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
+    link::Chunk edited = chunk.Part(0, 0);
+    edited.bytes.reserve(chunk.bytes.size() + chunk.bytes.size() / 2);
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       if (context.random.Bernoulli(probability_)) {
-        edited.push_back(static_cast<std::uint8_t>(context.random.Below(256)));
+        edited.Append(static_cast<std::uint8_t>(context.random.Below(256)), false);
         if (context.what != nullptr)
-          context.Say(Hex(edited.back()) + " inserted before byte " + std::to_string(i));
+          context.Say(Hex(edited.bytes.back()) + " inserted before byte " + std::to_string(i));
       }
-      edited.push_back(chunk.bytes[i]);
+      edited.Append(chunk, i);
     }
-    chunk.bytes = std::move(edited);
-    out.push_back(std::move(chunk));
+    out.push_back(std::move(edited));
   }
 
  private:

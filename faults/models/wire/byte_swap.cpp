@@ -15,6 +15,7 @@ class ByteSwap : public WireModel {
       if (context.what != nullptr && chunk.bytes[i] != chunk.bytes[i + 1])
         context.Say("bytes " + std::to_string(i) + " and " + std::to_string(i + 1) + " swapped");
       std::swap(chunk.bytes[i], chunk.bytes[i + 1]);
+      if (!chunk.parity_errors.empty()) std::swap(chunk.parity_errors[i], chunk.parity_errors[i + 1]);
       ++i;
     }
     out.push_back(std::move(chunk));

@@ -18,13 +18,12 @@ class Chunking : public WireModel {
       out.push_back(std::move(chunk));
       return;
     }
-    link::Chunk piece = chunk;
+    BootTime begin_ns = chunk.begin_ns;
     for (std::size_t from = 0; from < size; from += piece_bytes_) {
       const std::size_t to = std::min(from + piece_bytes_, size);
-      piece.bytes.assign(chunk.bytes.begin() + static_cast<std::ptrdiff_t>(from),
-                         chunk.bytes.begin() + static_cast<std::ptrdiff_t>(to));
-      out.push_back(piece);
-      piece.begin_ns += rate_.BytesTime(static_cast<std::int64_t>(to - from)) + gap_ns_;
+      out.push_back(chunk.Part(from, to));
+      out.back().begin_ns = begin_ns;
+      begin_ns += rate_.BytesTime(static_cast<std::int64_t>(to - from)) + gap_ns_;
     }
     if (context.what != nullptr)
       context.Say("in " + std::to_string((size + piece_bytes_ - 1) / piece_bytes_) + " pieces");

@@ -8,13 +8,14 @@ namespace {
 // (1963).
 class GilbertElliott : public WireModel {
  public:
-  explicit GilbertElliott(const Parameters& parameters)
-      : good_{parameters.Number("p_bad"), parameters.Number("ber_good")},
-        bad_{parameters.Number("p_good"), parameters.Number("ber_bad")} {}
+  explicit GilbertElliott(const WireSetup& setup)
+      : good_{setup.parameters.Number("p_bad"), setup.parameters.Number("ber_good")},
+        bad_{setup.parameters.Number("p_good"), setup.parameters.Number("ber_bad")},
+        character_(setup.rate.character) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     {
-      BitFlipper bits(chunk, context);
+      BitFlipper bits(chunk, context, character_);
       Random& random = context.random;
       // A state ends after the first bit that draws its end, so it lasts 1 + FailuresBefore bits. What is
       // left of it at the end of a frame is drawn again at the next: the number of failures has no memory.
@@ -39,6 +40,7 @@ class GilbertElliott : public WireModel {
     double ber;
   };
   State good_, bad_;
+  link::CharacterFormat character_;
   bool in_bad_ = false;
 };
 
@@ -63,7 +65,8 @@ FaultType WireGilbertElliott() {
       .summary = "Flips bits in bursts: a channel with a good and a bad state.",
       .semantics =
           "Models a line whose errors come in clusters: a radio that fades, a plug that is loose, a motor "
-          "beside the cable. A Markov chain takes one step per data bit. In each state, a bit is flipped "
+          "beside the cable. A Markov chain takes one step per data bit, and per parity bit on a line with "
+          "parity. In each state, a bit is flipped "
           "with the error ratio of that state. After each bit, the chain leaves the good state with "
           "probability `p_bad`, and the bad state with probability `p_good`, so a bad stretch lasts 1/p_good "
           "bits on average. The chain begins in the good state and keeps its state from one frame to the "
@@ -79,7 +82,7 @@ FaultType WireGilbertElliott() {
                                  Scale::kLogarithmic)},
       .kind = WireKind{.wire_layer = WireLayer::kByte,
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                         return std::make_unique<GilbertElliott>(setup.parameters);
+                         return std::make_unique<GilbertElliott>(setup);
                        }}};
 }
 

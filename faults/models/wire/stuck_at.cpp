@@ -1,3 +1,4 @@
+#include "faults/bits.h"
 #include "faults/fault_type.h"
 
 namespace tiltproof::faults {
@@ -9,17 +10,17 @@ class StuckAt : public WireModel {
       : rate_(setup.rate), low_(setup.parameters.Choice("level") == "low") {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::vector<std::uint8_t> heard;
+    link::Chunk heard = chunk.Part(0, 0);
     std::size_t stuck_count = 0;
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       const bool is_stuck = context.ActiveDuringByte(chunk, i, rate_);
       if (is_stuck) ++stuck_count;
-      if (!is_stuck || low_) heard.push_back(is_stuck ? 0 : chunk.bytes[i]);
+      if (!is_stuck) heard.Append(chunk, i);
+      if (is_stuck && low_) heard.Append(0, LowIsParityError(rate_.character));
     }
     if (context.what != nullptr && stuck_count > 0)
       context.Say(std::to_string(stuck_count) + (low_ ? " bytes read as 00" : " bytes lost"));
-    chunk.bytes = std::move(heard);
-    if (!chunk.bytes.empty()) out.push_back(std::move(chunk));
+    if (!heard.bytes.empty()) out.push_back(std::move(heard));
   }
 
  private:
@@ -35,7 +36,8 @@ FaultType WireStuckAt() {
           .semantics =
               "Models a short circuit or a dead level shifter between sender and receiver. A line that is "
               "stuck `high` looks idle: every byte that is on the line during any part of the window is "
-              "lost. On a line that is stuck `low`, each of them arrives as 00. The receiver takes every low "
+              "lost. On a line that is stuck `low`, each of them arrives as 00, with a parity error if "
+              "parity is odd. The receiver takes every low "
               "bit time for a start bit, and passes on bytes with a framing error. Between frames nothing "
               "arrives. `every_nth_count` and `probability` choose among the frames that are on the line "
               "during the window.",

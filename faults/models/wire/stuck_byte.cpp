@@ -13,14 +13,14 @@ class StuckByte : public WireModel {
   explicit StuckByte(const WireSetup& setup)
       : value_(static_cast<std::uint8_t>(setup.parameters.Integer("value"))),
         length_bytes_(setup.parameters.Integer("length_bytes")),
-        baud_(setup.rate.clock_baud()),
+        rate_(setup.rate.OrUsual()),
         events_(setup.parameters.Number("rate_hz"), setup.stream) {}
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
     const auto byte_count = static_cast<std::int64_t>(chunk.bytes.size());
     std::vector<PoissonEvents::Event> found;
-    events_.In(chunk.begin_ns - link::BytesTime(baud_, length_bytes_) - 1,
-               chunk.begin_ns + link::BytesTime(baud_, byte_count) + 1, found);
+    events_.In(chunk.begin_ns - rate_.BytesTime(length_bytes_) - 1,
+               chunk.begin_ns + rate_.BytesTime(byte_count) + 1, found);
     for (const PoissonEvents::Event& event : found) {
       const std::int64_t first = FirstByteFrom(event.time_ns - chunk.begin_ns);
       const std::int64_t end = std::min(first + length_bytes_, byte_count);
@@ -30,6 +30,7 @@ class StuckByte : public WireModel {
         std::uint8_t& byte = chunk.bytes[index];
         if (context.what != nullptr && byte != value_) context.Say(ByteChange(index, byte, value_));
         byte = value_;
+        if (!chunk.parity_errors.empty()) chunk.parity_errors[index] = 0;
       }
     }
     out.push_back(std::move(chunk));
@@ -38,14 +39,14 @@ class StuckByte : public WireModel {
  private:
   // The first byte that begins at or after that time, which is relative to the chunk's begin.
   std::int64_t FirstByteFrom(TimeNs t) const {
-    const std::int64_t divisor = 10 * kNsPerS;
-    const std::int64_t scaled = t * baud_;
+    const std::int64_t divisor = rate_.character.bit_count() * kNsPerS;
+    const std::int64_t scaled = t * rate_.baud;
     return scaled >= 0 ? (scaled + divisor - 1) / divisor : -(-scaled / divisor);
   }
 
   std::uint8_t value_;
   std::int64_t length_bytes_;
-  std::int64_t baud_;
+  LineRate rate_;
   PoissonEvents events_;
 };
 

@@ -34,13 +34,12 @@ class Terminal : public WireModel {
   }
 
   void Act(link::Chunk&& chunk, const WireContext& context, std::vector<link::Chunk>& out) override {
-    std::vector<std::uint8_t> edited;
-    edited.reserve(chunk.bytes.size());
+    link::Chunk edited = chunk.Part(0, 0);
+    edited.bytes.reserve(chunk.bytes.size());
     for (std::size_t i = 0; i < chunk.bytes.size(); ++i) {
       const std::uint8_t before = chunk.bytes[i];
       const Translation& after = table_[before];
-      edited.insert(edited.end(), after.bytes.begin(),
-                    after.bytes.begin() + static_cast<std::ptrdiff_t>(after.size));
+      for (std::size_t n = 0; n < after.size; ++n) edited.Append(after.bytes[n], chunk.HasParityError(i));
       if (context.what == nullptr || (after.size == 1 && after.bytes[0] == before)) continue;
       if (after.size == 1)
         context.Say(ByteChange(i, before, after.bytes[0]));
@@ -48,8 +47,7 @@ class Terminal : public WireModel {
         context.Say("byte " + std::to_string(i) + " " + Hex(before) +
                     (after.size == 0 ? " eaten" : " -> " + Hex(after.bytes[0]) + " " + Hex(after.bytes[1])));
     }
-    chunk.bytes = std::move(edited);
-    if (!chunk.bytes.empty()) out.push_back(std::move(chunk));
+    if (!edited.bytes.empty()) out.push_back(std::move(edited));
   }
 
  private:

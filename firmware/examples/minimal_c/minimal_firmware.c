@@ -437,10 +437,12 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   TiltproofClient* client = calloc(1, sizeof(*client));
   if (client == NULL) return NULL;
   client->host = host;
-  /* The loops above are tuned for one vehicle. */
-  const char* mass = host->parameters == NULL ? NULL : After(host->parameters, "mass_kg");
-  const double difference = mass == NULL ? 0 : Number(&mass) - (double)kMass;
-  if ((difference > 0.01 || difference < -0.01) && !ReadParameters(host->parameters, &client->regulator)) {
+  /* The loops above are tuned for the shipped tilt-rotor and its variants: tiltrotor, tiltrotor_drag, ... */
+  static const char kTuned[] = "\"tiltrotor";
+  const char* model = host->parameters == NULL ? NULL : After(host->parameters, "model");
+  while (model != NULL && *model == ' ') ++model;
+  const bool tuned = model == NULL || strncmp(model, kTuned, sizeof(kTuned) - 1) == 0;
+  if (!tuned && !ReadParameters(host->parameters, &client->regulator)) {
     free(client);
     return NULL;
   }

@@ -181,7 +181,9 @@ class Protocol:
                 return None
             values = {}
             for field in message["fields"]:
-                value = field["scale"] * struct.unpack_from(format_of(field), payload, field["offset"])[0]
+                value = struct.unpack_from(format_of(field), payload, field["offset"])[0]
+                if field["content"] == "signal":
+                    value *= field["scale"]
                 # The check misses some damage. NaN fails, too.
                 if not field["min"] <= value <= field["max"]:
                     return None

@@ -75,8 +75,8 @@ void SendUnsent(Uart& uart) {
 }
 
 void SendRegisters(Uart& uart) {
-  const auto [brr, cr1, cr3, clock_hz] = uart.unit->settings();
-  const UsartRegisters now{uart.usart, brr, cr1, cr3, clock_hz};
+  const auto [brr, cr1, cr2, cr3, clock_hz] = uart.unit->settings();
+  const UsartRegisters now{uart.usart, brr, cr1, cr2, cr3, clock_hz};
   if (now == uart.told) return;
   SendUnsent(uart);
   plugin.socket.Send(Kind::kUsart, &now, sizeof(now));
@@ -100,9 +100,10 @@ void OnReceiveTimer(void* opaque) {
     if (!free) SendEvent(EventKind::kOverrun, static_cast<std::uint32_t>(uart.usart));
     uart.unit->Overrun();
   } else {
-    uart.unit->Deliver(received.byte, received.mark == Mark::kFraming ? UsartUnit::kFraming
-                                      : received.mark == Mark::kNoise ? UsartUnit::kNoise
-                                                                      : 0);
+    uart.unit->Deliver(received.word, received.mark == Mark::kFraming  ? UsartUnit::kFraming
+                                      : received.mark == Mark::kNoise  ? UsartUnit::kNoise
+                                      : received.mark == Mark::kParity ? UsartUnit::kParity
+                                                                       : 0);
   }
   ArmReceive(uart, received.waits ? Now() + kPollNs : 0);
 }

@@ -4,7 +4,8 @@
 //   usart.Deliver('A', 0);  // a byte has arrived from the line
 //
 // The transmitter has a data register and a shift register: TXE when the first has been handed on, TC when the last bit
-// has left. Asynchronous mode only, without parity, break, LIN, smart card or flow control.
+// has left. Asynchronous mode only, without break, LIN, smart card or flow control. The parity bit is the highest
+// bit of a received word (section 30.6.2); the line computes that of a sent byte.
 #pragma once
 
 #include <algorithm>
@@ -22,16 +23,16 @@ namespace tiltproof::qemu {
 class UsartUnit final : public RegisterBlock {
  public:
   static constexpr int kCount = 6;  // USART1 to USART3, UART4, UART5, USART6
-  static constexpr std::uint32_t kFraming = 1u << 1, kNoise = 1u << 2, kOverrun = 1u << 3;
+  static constexpr std::uint32_t kParity = 1u << 0, kFraming = 1u << 1, kNoise = 1u << 2, kOverrun = 1u << 3;
 
   struct Callbacks {
     std::function<void(int number, std::uint8_t byte)> transmit;  // given to the transmitter
     std::function<void(int number)> taken;                        // the receiver has room again
     std::function<void(int number)> programmed;                   // CR1 has been written
   };
-  // Registers and clock that determine its rate.
+  // Registers and clock that determine its rate and its characters.
   struct Settings {
-    std::uint32_t brr, cr1, cr3, clock_hz;
+    std::uint32_t brr, cr1, cr2, cr3, clock_hz;
   };
 
   // `number`: 1 to kCount.
@@ -67,14 +68,16 @@ class UsartUnit final : public RegisterBlock {
   bool Receives() const { return On(kReceiverOn); }
   // Input clock of the divider; 0: it has none (RCC).
   std::uint32_t clock_hz() const { return has_clock() ? Clock() : 0; }
-  Settings settings() const { return {Word(kBaudRate), Word(kControl1), Word(kControl3), Clock()}; }
+  Settings settings() const {
+    return {Word(kBaudRate), Word(kControl1), Word(kControl2), Word(kControl3), Clock()};
+  }
 
-  // A byte has arrived, with these error flags. Lost when the receiver is off.
-  void Deliver(std::uint8_t byte, std::uint32_t errors) {
+  // A word has arrived, with these error flags. Lost when the receiver is off.
+  void Deliver(std::uint16_t word, std::uint32_t errors) {
     if (!Receives()) return;
     Sync();
     if (Free()) {
-      received_ = byte;
+      received_ = word;
       flags_ |= kNotEmpty | errors;
     } else {
       flags_ |= kOverrun;  // section 30.3.3: the old byte stays
@@ -94,7 +97,8 @@ class UsartUnit final : public RegisterBlock {
   // Does what is due: moves bytes on, answers to DMA, raises or withdraws the interrupt.
   void Serve() {
     Sync();
-    if (!Free() && (Word(kControl3) & kDmaReceive) != 0 && dma_->Store(number_, address_ + kData, received_))
+    if (!Free() && (Word(kControl3) & kDmaReceive) != 0 &&
+        dma_->Store(number_, address_ + kData, static_cast<std::uint8_t>(received_)))
       PopByte();
     std::uint8_t byte = 0;
     while (!full_ && On(kTransmitterOn) && (Word(kControl3) & kDmaTransmit) != 0 &&
@@ -112,8 +116,8 @@ class UsartUnit final : public RegisterBlock {
                                  kTransmitEmpty = 1u << 7;
   static constexpr std::uint32_t kErrors = kFraming | kNoise | kOverrun;
   // CR1: the interrupts' enable bits are in the places of their flags (section 30.6.4).
-  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kNineBits = 1u << 12,
-                                 kEnable = 1u << 13, kOver8 = 1u << 15;
+  static constexpr std::uint32_t kReceiverOn = 1u << 2, kTransmitterOn = 1u << 3, kParityInterrupt = 1u << 8,
+                                 kNineBits = 1u << 12, kEnable = 1u << 13, kOver8 = 1u << 15;
   // CR3.
   static constexpr std::uint32_t kErrorInterrupt = 1u << 0, kDmaReceive = 1u << 6, kDmaTransmit = 1u << 7;
 
@@ -183,21 +187,23 @@ class UsartUnit final : public RegisterBlock {
         ((status | receiver) & control & (kIdle | kNotEmpty | kComplete | kTransmitEmpty)) != 0;
     const bool error = (Word(kControl3) & kErrorInterrupt) != 0 && (Word(kControl3) & kDmaReceive) != 0 &&
                        (status & kErrors) != 0;
-    interrupt_.Set((control & kEnable) != 0 && (flagged || error));
+    const bool parity = (control & kParityInterrupt) != 0 && (status & kParity) != 0;
+    interrupt_.Set((control & kEnable) != 0 && (flagged || error || parity));
   }
 
   // Reads DR. The errors and IDLE are cleared when SR and then DR have been read.
-  std::uint8_t PopByte() {
-    flags_ &= ~(kNotEmpty | (seen_ & (kErrors | kIdle)));
-    seen_ &= ~(kErrors | kIdle);
+  std::uint16_t PopByte() {
+    flags_ &= ~(kNotEmpty | (seen_ & (kErrors | kParity | kIdle)));
+    seen_ &= ~(kErrors | kParity | kIdle);
     return received_;
   }
 
   // Writes DR. A byte too many is lost; on the chip it replaces the one that waits.
   void Send(std::uint8_t byte) {
     if (!On(kTransmitterOn) || full_) return;
-    flags_ &= ~(seen_ & kComplete);  // it is cleared when SR has been read and DR is written
-    seen_ &= ~kComplete;
+    // These are cleared when SR has been read and DR is written.
+    flags_ &= ~(seen_ & (kComplete | kParity));
+    seen_ &= ~(kComplete | kParity);
     if (unpaced_) {
       flags_ |= kComplete;
     } else if (shifting_) {
@@ -217,10 +223,10 @@ class UsartUnit final : public RegisterBlock {
       return Status();
     }
     if (offset != kData) return Word(offset);
-    const std::uint8_t byte = PopByte();
+    const std::uint16_t word = PopByte();
     UpdateInterrupt();
     if (callbacks_.taken) callbacks_.taken(number_);
-    return byte;
+    return word;
   }
 
   void Write(std::uint32_t offset, std::uint32_t value) override {
@@ -247,7 +253,7 @@ class UsartUnit final : public RegisterBlock {
   bool unpaced_ = false;
   std::uint32_t flags_ = kComplete;  // SR, without TXE
   std::uint32_t seen_ = 0;           // of these, when SR was last read
-  std::uint8_t received_ = 0;
+  std::uint16_t received_ = 0;
   bool full_ = false;            // the data register of the transmitter
   bool shifting_ = false;        // its shift register
   std::int64_t shifted_ns_ = 0;  // when that is empty

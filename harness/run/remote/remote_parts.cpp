@@ -154,6 +154,8 @@ std::optional<Line::Piece> RemoteLine::TakePiece(link::Direction direction, Boot
     message_ = Unpacked(*message, protocol_);
     piece.message = &message_;
   }
+  unpacker(parity_errors_);
+  piece.parity_errors = parity_errors_;
   return piece;
 }
 

@@ -63,7 +63,7 @@ class RemoteLine final : public Line {
   const link::Protocol& protocol_;
   RecordSink& sink_;
   std::vector<faults::FaultEvent> news_;
-  std::vector<std::uint8_t> piece_;
+  std::vector<std::uint8_t> piece_, parity_errors_;
   link::Message message_;
 };
 

@@ -98,7 +98,7 @@ void ServeLine(Channel& channel, const ScenarioLoader& load) {
         std::optional<PackedMessage> message;
         if (piece->message != nullptr) message = Packed(*piece->message);
         answer(piece->arrival_ns, std::vector<std::uint8_t>(piece->bytes.begin(), piece->bytes.end()),
-               message);
+               message, std::vector<std::uint8_t>(piece->parity_errors.begin(), piece->parity_errors.end()));
         return;
       }
       case Message::kSetOrigin:

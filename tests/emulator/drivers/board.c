@@ -18,6 +18,10 @@
 #define SYSTICK 1
 #define TIM6 2
 
+#ifndef FORMAT
+#define FORMAT 0u /* M, PCE and PS of CR1; 8N1 */
+#endif
+
 #define REGISTER(address) (*(volatile uint32_t*)(address))
 #define BIT(n) (1u << (n))
 
@@ -37,7 +41,7 @@
 #define TIM6_REGISTER(offset) REGISTER(0x40001000u + (offset))
 
 enum { kRingBytes = 256, kTickNs = 1000000, kByteNs = 10850 };
-enum { kRxne = BIT(5), kTc = BIT(6), kTxe = BIT(7), kIdle = BIT(4) };
+enum { kPe = BIT(0), kRxne = BIT(5), kTc = BIT(6), kTxe = BIT(7), kIdle = BIT(4) };
 static const uint32_t kUsarts[2] = {0x40004400, 0x40004800}; /* by UART: main, reference */
 
 typedef struct {
@@ -81,8 +85,12 @@ static void Send(const uint8_t* bytes, size_t count) {
 #endif
 
 #if DRIVER == INTERRUPT
+volatile uint32_t parity_errors[2]; /* by UART; read by the test */
 static void Receive(int uart) {
-  if ((USART_SR(kUsarts[uart]) & kRxne) != 0) Put(&rings[uart], (uint8_t)USART_DR(kUsarts[uart]));
+  const uint32_t status = USART_SR(kUsarts[uart]);
+  if ((status & kRxne) == 0) return;
+  if ((status & kPe) != 0) parity_errors[uart] = parity_errors[uart] + 1;
+  Put(&rings[uart], (uint8_t)USART_DR(kUsarts[uart]));
 }
 void USART2_IRQHandler(void) {
   Receive(0);
@@ -225,7 +233,7 @@ static void StartUsarts(void) {
   REGISTER(RCC + 0x40) |= BIT(17) | BIT(18);
   for (int uart = 0; uart < 2; ++uart) {
     USART_BRR(kUsarts[uart]) = 46; /* 42 MHz / 921600 */
-    USART_CR1(kUsarts[uart]) = BIT(13) | BIT(3) | BIT(2);
+    USART_CR1(kUsarts[uart]) = BIT(13) | BIT(3) | BIT(2) | FORMAT;
   }
   StartReceivers();
 }

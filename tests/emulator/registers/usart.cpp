@@ -6,8 +6,8 @@ namespace {
 
 constexpr std::uint32_t kUsart = 0x40004400, kSr = kUsart, kDr = kUsart + 4, kBrr = kUsart + 8,
                         kCr1 = kUsart + 0xC, kCr2 = kUsart + 0x10, kCr3 = kUsart + 0x14;
-constexpr std::uint32_t kFe = Bit(1), kNe = Bit(2), kOre = Bit(3), kIdle = Bit(4), kRxne = Bit(5),
-                        kTc = Bit(6), kTxe = Bit(7);
+constexpr std::uint32_t kPe = Bit(0), kFe = Bit(1), kNe = Bit(2), kOre = Bit(3), kIdle = Bit(4),
+                        kRxne = Bit(5), kTc = Bit(6), kTxe = Bit(7);
 constexpr std::uint32_t kOn = Bit(13) | Bit(3) | Bit(2);
 
 volatile unsigned calls = 0;
@@ -123,6 +123,40 @@ void Test() {
   Check("NE", Reg(kSr) & (kFe | kNe | kRxne), kNe | kRxne);
   Touch(kDr);
   Check("errors go", Reg(kSr) & (kFe | kNe | kOre), 0);
+
+  // Parity error (sections 30.3.3 and 30.6.1): PE with RXNE, cleared by SR and then DR, whether read or written.
+  Ask('P');
+  Wait(2'000);
+  Check("PE", Reg(kSr) & (kPe | kFe | kNe | kRxne), kPe | kRxne);
+  Check("PE keeps the byte", Reg(kDr), 'x');
+  Check("PE goes", Reg(kSr) & (kPe | kRxne), 0);
+  Ask('P');
+  Wait(2'000);
+  Touch(kDr);
+  Check("PE stays without a read of SR", Reg(kSr) & (kPe | kRxne), kPe);
+  Reg(kDr) = '8';
+  Check("PE is cleared by SR, write to DR", Reg(kSr) & kPe, 0);
+  Wait(50);
+  // PEIE raises the interrupt, RXNEIE being off.
+  calls = 0;
+  Ask('P');
+  Wait(2'000);
+  Check("no PEIE", calls, 0);
+  Set(kCr1, Bit(8));
+  Check("PEIE", calls, 1);
+  Check("PE in the interrupt", status & (kPe | kRxne), kPe | kRxne);
+  Clear(kCr1, Bit(8));
+  // With parity the highest bit of the word is the parity bit (section 30.6.2): M = 1, then M = 0.
+  Set(kCr1, Bit(12) | Bit(10));
+  Ask('Q');
+  Wait(2'000);
+  Check("DR with M and PCE", Reg(kDr), 0x178);
+  Clear(kCr1, Bit(12));
+  Ask('R');
+  Wait(2'000);
+  Check("PE with PCE", Reg(kSr) & (kPe | kRxne), kPe | kRxne);
+  Check("DR with PCE", Reg(kDr), 0xF8);
+  Clear(kCr1, Bit(10));
 
   // IDLE: one byte time after the last byte, and not between two (section 30.3.3); cleared by SR, DR.
   Touch(kDr);

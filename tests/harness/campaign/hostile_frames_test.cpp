@@ -233,6 +233,42 @@ TEST(HostileFrames, CobsInputsHaveFullBlocksAndCodesBeyondTheEnd) {
   EXPECT_GT(beyond, 200);
 }
 
+// A number far ahead would make every receiver deaf, so hostile messages are numbered as the flight is.
+TEST(HostileFrames, NumbersAndTimesAreNearThoseOfTheFlight) {
+  const auto hardened = link::FindProtocol("hardened");
+  ASSERT_NE(hardened, nullptr);
+  const link::MessageType& reply = *hardened->Find("reply");
+  const HostileFrames frames(*hardened, link::Direction::kToClient);
+  Random random(19);
+  int count = 0;
+  for (std::int64_t period = 1; period < 3'000; ++period) {
+    const LineBytes before = frames.Make(random);
+    LineBytes input = before;
+    Restamp(*hardened, link::Direction::kToClient, input, period * hardened->control_period_ns);
+    const auto reader = hardened->framing->MakeReader(), unchanged = hardened->framing->MakeReader();
+    std::span<const std::uint8_t> rest(input), rest_before(before);
+    while (const auto read = reader->Next(rest)) {
+      const auto was = unchanged->Next(rest_before);
+      ASSERT_TRUE(was);
+      EXPECT_EQ(read->status, was->status);
+      if (!read->ok || hardened->Classify(link::Direction::kToClient, read->payload) != &reply) continue;
+      for (std::size_t i = 2; i < reply.fields.size(); ++i)
+        EXPECT_EQ(
+            std::isnan(link::FieldValue(reply, read->payload, i)) ? 0.0
+                                                                  : link::FieldValue(reply, read->payload, i),
+            std::isnan(link::FieldValue(reply, was->payload, i)) ? 0.0
+                                                                 : link::FieldValue(reply, was->payload, i));
+      const double ahead = link::FieldValue(reply, read->payload, 0) - static_cast<double>(period);
+      const double ahead_us =
+          link::FieldValue(reply, read->payload, 1) - 12'000.0 * static_cast<double>(period);
+      EXPECT_TRUE(ahead >= -4 && ahead <= 1) << ahead;
+      EXPECT_TRUE(ahead_us >= -48'000 && ahead_us <= 12'000) << ahead_us;
+      ++count;
+    }
+  }
+  EXPECT_GT(count, 500);
+}
+
 HostileSequence SequenceOf(std::uint64_t seed, const HostileSequence& parent) {
   const HostileFrames frames(Paper(), link::Direction::kToClient);
   Random random(seed);

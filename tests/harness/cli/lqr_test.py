@@ -196,6 +196,17 @@ faults:
         self.assertEqual(code, 2)
         self.assertRegex(err, r"missing\.yaml:8:7: gain: there is no file .*nowhere\.csv; `tiltproof design-lqr MODEL --csv FILE` writes one")
 
+    def test_a_gain_that_no_firmware_takes_is_refused(self):
+        self.flight("unused", "tiltrotor", more="gain: design\n")
+        path = self.folder / "unused.yaml"
+        path.write_text(path.read_text().replace("tiltrotor.sdf", "tiltrotor").replace("firmware: lqr\n", ""))
+        for command in ("check", "run"):
+            code, _, err = self.tiltproof(command, "unused.yaml")
+            self.assertEqual(code, 2)
+            self.assertIn("unused.yaml: gain: the build 'paper' does not take a gain; `firmware: lqr` does", err)
+        for taken in (("--firmware", "lqr"), ("--client", f"library:{MINIMAL}")):
+            self.assertEqual(self.tiltproof("run", "unused.yaml", "--no-report", *taken)[0], 0, taken)
+
     def test_a_vehicle_that_no_gain_stabilises_is_refused(self):
         (self.folder / "quad.sdf").write_text(VEHICLES["quad"].replace("drag_ratio_m='0.015'", "drag_ratio_m='0'"))
         self.flight("no-yaw")

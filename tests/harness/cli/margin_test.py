@@ -353,7 +353,7 @@ class EnvelopeTest(CommandLineTest):
         envelope, out = self.envelope("--types", "plant.wind,plant.force")
         self.assertEqual([row["type"] for row in envelope["rows"]], ["plant.force"])
         self.assertEqual([(entry["type"], entry["reason"]) for entry in envelope["not_applicable"]],
-                         [("plant.wind", "moves only a vehicle with drag; this one's file has no <tiltproof:drag>")])
+                         [("plant.wind", "moves only a vehicle with drag; this one's file has no <tiltproof:drag> (tiltrotor_drag has one)")])
         self.assertIn("plant.wind", out)
 
     def test_nothing_applies(self):

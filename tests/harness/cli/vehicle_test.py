@@ -40,15 +40,18 @@ front_right base  0.120 -0.120 0.010 0.00 0.00 1.00   ccw 0.0160
 back_right  base -0.120 -0.120 0.010 0.00 0.00 1.00    cw 0.0160
 back_left   base -0.120  0.120 0.010 0.00 0.00 1.00   ccw 0.0160
 
-input           least hover  most share
-f_front_left_n  0.000 1.756 6.003  29 %
-f_front_right_n 0.000 1.756 6.003  29 %
-f_back_right_n  0.000 1.756 6.003  29 %
-f_back_left_n   0.000 1.756 6.003  29 %
+input           least hover  most share rises_s falls_s speed_rad_s
+f_front_left_n  0.000 1.756 6.003  29 %  0.0125  0.0250           -
+f_front_right_n 0.000 1.756 6.003  29 %  0.0125  0.0250           -
+f_back_right_n  0.000 1.756 6.003  29 %  0.0125  0.0250           -
+f_back_left_n   0.000 1.756 6.003  29 %  0.0125  0.0250           -
 
 states   x_m y_m z_m roll_rad pitch_rad yaw_rad vx_m_s vy_m_s vz_m_s wx_rad_s
          wy_rad_s wz_rad_s
-sensors  every state
+sensors  every state, and acc_x_m_s2 acc_y_m_s2 acc_z_m_s2 gyro_x_rad_s
+         gyro_y_rad_s gyro_z_rad_s mag_x_t mag_y_t mag_z_t pressure_pa
+         gnss_lat_deg gnss_lon_deg gnss_alt_m gnss_vn_m_s gnss_ve_m_s
+         gnss_vd_m_s
 hover    roll 0.0000 pitch 0.0000 rad
 
 It can hover.
@@ -136,6 +139,26 @@ class VehicleTest(CommandLineTest):
         out = self.tiltproof("vehicle", "tiltrotor")[1]
         self.assertIn("\nleft  hinge_left  0.000  0.278 0.056 0.00 1.00  0.09 -1.50   1.50\n", out)
         self.assertIn("\nhover    roll 0.0000 pitch -0.0117 right 0.0117 left 0.0116 rad\n", out)
+
+    def test_a_file_of_another_format_gets_its_conversion(self):
+        (self.folder / "quad.sdf.jinja").write_text(quadrotor().replace("quadrotor", "{{ name }}"))
+        (self.folder / "quad.yaml").write_text("name: q\nmodel: quad.sdf.jinja\nfirmware: lqr\nduration_s: 1\nreference: {type: hover, at_m: [0, 0, 1]}\n"
+                                               "criteria: [{name: c, stl: always(z_m > 0)}]\n")
+        for command in ("vehicle", "quad.sdf.jinja"), ("check", "quad.yaml"):
+            code, _, err = self.tiltproof(*command)
+            self.assertEqual(code, 2)
+            self.assertIn("a jinja template, not SDF. Convert it", err)
+        self.assertIn("no file quad.urdf; give a path ending in .sdf", self.tiltproof("vehicle", "quad.urdf")[2])
+
+    def test_an_impossible_inertia_is_printed_when_it_is_allowed(self):
+        (self.folder / "flat.sdf").write_text(quadrotor().replace("<izz>0.01</izz>", "<izz>0.03</izz>", 1))
+        code, _, err = self.tiltproof("vehicle", "flat.sdf")
+        self.assertEqual(code, 2)
+        self.assertIn("to fly it anyway: --allow-invalid-inertia", err)
+        code, out, err = self.tiltproof("vehicle", "flat.sdf", "--allow-invalid-inertia")
+        self.assertEqual(code, 0, err)
+        self.assertIn("impossible inertia", err)
+        self.assertIn("It can hover.", out)
 
     def test_a_mapping_is_written_once(self):
         """ArduPilot's way: a controlled joint whose propeller's numbers are nowhere."""

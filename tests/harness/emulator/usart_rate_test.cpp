@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "harness/emulator/line_sampler.h"
+#include "tests/support/uart_waveform.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -40,7 +41,7 @@ std::vector<int> Sampled(double sender_bit_ns, double receiver_bit_ns, double to
   double begin_ns = 1000;
   const auto take = [&](double until_ns) {
     for (const auto& received : sampler.Take(static_cast<TimeNs>(until_ns), receiver_bit_ns, tolerance))
-      seen.push_back(received.framing_error ? -1 : received.byte);
+      seen.push_back(received.framing_error ? -1 : received.word);
   };
   for (const std::uint8_t byte : bytes) {
     sampler.Put(static_cast<TimeNs>(begin_ns), byte, sender_bit_ns);
@@ -88,6 +89,78 @@ TEST(LineSampler, HalfTheRateIsTwoBitsForEach) {
   // The other way round each sample takes every second bit.
   EXPECT_EQ(Sampled(kLineBitNs, 2 * kLineBitNs, kUsualTolerance, {0xFF}).size(), 0U)
       << "too short for a start bit";
+}
+
+// RM0090, sections 30.3.7 (table 142), 30.6.4 and 30.6.5: M, PCE, PS and STOP.
+TEST(UsartFormat, FollowsCr1AndCr2) {
+  constexpr std::uint32_t kM = 1U << 12, kPce = 1U << 10, kPs = 1U << 9;
+  EXPECT_EQ(link::Name(FormatOf(0, 0)), "8N1");
+  EXPECT_EQ(link::Name(FormatOf(kM, 0)), "9N1");
+  EXPECT_EQ(link::Name(FormatOf(kPce, 0)), "7E1");
+  EXPECT_EQ(link::Name(FormatOf(kM | kPce, 2U << 12)), "8E2");
+  EXPECT_EQ(link::Name(FormatOf(kM | kPce | kPs, 0)), "8O1");
+  EXPECT_EQ(link::Name(FormatOf(kPs, 0)), "8N1");  // without PCE it selects nothing
+}
+
+// Every format of a sender with every format of a receiver, at one rate: bit by bit.
+TEST(LineSampler, HearsOtherFormatsAsASlowReceiverDoes) {
+  const auto bytes = AllBytes();
+  for (const UartFormat& sender : AllUartFormats())
+    for (const UartFormat& receiver : AllUartFormats()) {
+      std::vector<bool> line = {true};
+      LineSampler sampler;
+      std::vector<LineSampler::Received> heard;
+      const auto hear = [&] {
+        const auto more =
+            sampler.Take(static_cast<TimeNs>(1000 * line.size()), 1000, kUsualTolerance, receiver.ForLink());
+        heard.insert(heard.end(), more.begin(), more.end());
+      };
+      for (const std::uint8_t byte : bytes) {
+        sampler.Put(static_cast<TimeNs>(1000 * line.size()), byte, 1000, sender.ForLink());
+        const auto levels = Levels(byte, sender);
+        line.insert(line.end(), levels.begin(), levels.end());
+        hear();
+      }
+      line.insert(line.end(), 20, true);
+      hear();
+      std::vector<HeardCharacter> expected;
+      const std::size_t length = Levels(0, receiver).size() - static_cast<std::size_t>(receiver.stop_bits);
+      for (std::size_t at = 1; at + 20 < line.size(); ++at) {
+        if (line[at] || !line[at - 1]) continue;
+        expected.push_back(Hear({line.begin() + static_cast<std::ptrdiff_t>(at),
+                                 line.begin() + static_cast<std::ptrdiff_t>(at + 12)},
+                                receiver));
+        at += length;  // its stop bit
+      }
+      ASSERT_EQ(heard.size(), expected.size());
+      int errors_count = 0;
+      for (std::size_t i = 0; i < heard.size(); ++i) {
+        const std::string which = link::Name(sender.ForLink()) + " " + link::Name(receiver.ForLink());
+        ASSERT_EQ(receiver.ForLink().Carried(static_cast<std::uint8_t>(heard[i].word)), expected[i].byte)
+            << which;
+        ASSERT_EQ(heard[i].parity_error, expected[i].parity_error) << which;
+        ASSERT_EQ(heard[i].framing_error, expected[i].framing_error) << which;
+        if (heard[i].parity_error || heard[i].framing_error) ++errors_count;
+      }
+      const bool same = sender.data_bits == receiver.data_bits && sender.parity == receiver.parity;
+      if (same) {
+        EXPECT_EQ(heard.size(), 256U);
+        EXPECT_EQ(errors_count, 0);
+      }
+    }
+}
+
+TEST(LineSampler, AWrongParityBitIsAParityError) {
+  LineSampler sampler;
+  const link::CharacterFormat even{.parity = link::Parity::kEven};
+  sampler.Put(1000, 0x41, 1000, even);
+  sampler.Put(12'000, 0x41, 1000, even, true);
+  const auto heard = sampler.Take(100'000, 1000, kUsualTolerance, even);
+  ASSERT_EQ(heard.size(), 2U);
+  EXPECT_EQ(heard[0].word, 0x041);
+  EXPECT_FALSE(heard[0].parity_error);
+  EXPECT_EQ(heard[1].word, 0x141);  // the parity bit is the highest bit (section 30.6.2)
+  EXPECT_TRUE(heard[1].parity_error);
 }
 
 }  // namespace

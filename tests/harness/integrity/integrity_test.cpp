@@ -402,21 +402,30 @@ TEST(Integrity, BoundsHoldTheRateForAlmostAllSeeds) {
 TEST(Integrity, ThreadsDoNotMatterAndSeedsDo) {
   for (int i = 0; i <= static_cast<int>(LastOf(ErrorKind())); ++i) {
     const auto kind = static_cast<ErrorKind>(i);
-    if (kind == ErrorKind::kBer || kind == ErrorKind::kEnumerate) continue;
+    const bool in_all_ways = kind == ErrorKind::kBer || kind == ErrorKind::kEnumerate;
     const auto measure = [&](int threads_count, std::uint64_t seed) {
-      std::vector<std::int64_t> counts;
+      std::vector<double> found;
       for (const IntegrityRow& row :
-           MeasureIntegrity({.protocol = PaperWith(link::MakeCobsFraming(CheckKind::kNone)),
+           MeasureIntegrity({.protocol = PaperWith(
+                                 link::MakeCobsFraming(in_all_ways ? CheckKind::kSum8 : CheckKind::kNone)),
+           .message = in_all_ways ? "start" : "",
            .errors = kind,
-           .levels = {4},
+           .levels = {kind == ErrorKind::kBer ? 0.02
+                      : in_all_ways           ? 2
+                                              : 4},
            .frames_count = 140'000,
            .seed = seed,
-           .threads_count = threads_count}))
-        counts.insert(counts.end(), {row.frames_count, row.passed_check_count, row.delivered_wrong_count});
-      return counts;
+           .threads_count = threads_count})) {
+        found.insert(found.end(),
+                     {static_cast<double>(row.frames_count), static_cast<double>(row.passed_check_count),
+                      static_cast<double>(row.delivered_wrong_count)});
+        for (const Rate& rate : {row.passed_check, row.passed_length, row.delivered_wrong})
+          found.insert(found.end(), {rate.rate, rate.low, rate.high});
+      }
+      return found;
     };
     EXPECT_EQ(measure(1, 1), measure(3, 1)) << Name(kind);
-    if (kind != ErrorKind::kStuck) {
+    if (kind != ErrorKind::kStuck && kind != ErrorKind::kEnumerate) {
       EXPECT_TRUE(measure(1, 1) != measure(1, 2) || measure(1, 1) != measure(1, 3)) << Name(kind);
     }
   }

@@ -145,7 +145,7 @@ class HeaderTest : public testing::TestWithParam<const HeaderGlue*> {
 
 TEST_P(HeaderTest, EncodesAndDecodesAsTheHarnessDoes) {
   Random random(1);
-  for (int n = 0; n < 300 * Times(); ++n) {
+  for (int n = 0; n < 600 * Times(); ++n) {
     const std::size_t index = random() % protocol_.messages.size();
     const MessageType& type = protocol_.messages[index];
     std::vector<double> values;
@@ -165,7 +165,7 @@ TEST_P(HeaderTest, EncodesAndDecodesAsTheHarnessDoes) {
 TEST_P(HeaderTest, TakesTheSameMessagesOutOfADamagedStream) {
   Random random(2);
   std::size_t ok_count = 0, refused_count = 0;
-  for (int n = 0; n < 60 * Times(); ++n) {
+  for (int n = 0; n < 100 * Times(); ++n) {
     std::vector<std::uint8_t> stream;
     for (int k = 0; k < 12; ++k) {
       std::vector<std::uint8_t> part = RandomFrame(random);
@@ -234,7 +234,7 @@ TEST(CHeader, NamesAreIdentifiersThatDiffer) {
   Protocol protocol = HeaderProtocols().back();
   EXPECT_EQ(CPrefix(protocol), "_2_bytes_none");
   EXPECT_EQ(CMessageNames(protocol),
-            (std::vector<std::string>{"start", "actuators", "status", "Status_", "reference"}));
+            (std::vector<std::string>{"start", "actuators", "status", "Status_", "long_", "reference"}));
   EXPECT_EQ(CFieldNames(protocol.messages[3]),
             (std::vector<std::string>{"sequence", "time_us", "int_", "x_m"}));
 }

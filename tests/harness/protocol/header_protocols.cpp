@@ -43,6 +43,16 @@ MessageType AllTypes(const std::string& name, Direction direction, MessageId id,
   return type;
 }
 
+// Nearly as long as a payload can be: a block of 254 bytes without a 00 is part of many such frames.
+MessageType Long(const std::string& name, Direction direction, MessageId id, ByteOrder order) {
+  MessageType type{.name = name, .direction = direction, .id = id};
+  for (int i = 0; i < 31; ++i)
+    type.fields.push_back(Field(std::string("x").append(std::to_string(i)), NumberType::kF64, order, 0.7));
+  for (int i = 0; i < 5; ++i)
+    type.fields.push_back(Field(std::string("n").append(std::to_string(i)), NumberType::kU8, order, 1.0));
+  return type;
+}
+
 MessageType Counted(const std::string& name, Direction direction, MessageId id, ByteOrder order) {
   MessageType type{.name = name, .direction = direction, .id = id};
   const auto count = [&](const std::string& signal, NumberType number, FieldContent content) {
@@ -64,14 +74,16 @@ link::Protocol WithFraming(const std::string& name, std::shared_ptr<const link::
   const ByteOrder other = order == ByteOrder::kLittle ? ByteOrder::kBig : ByteOrder::kLittle;
   link::Protocol protocol{
       .name = name, .framing = std::move(framing), .control_period_ns = 4 * kNsPerMs, .messages = {}};
-  protocol.messages = {{.name = "start", .direction = Direction::kToPlant, .id = id(1)},
-                       AllTypes("actuators", Direction::kToPlant, id(0x7E), order),
-                       AllTypes("status", Direction::kToClient, id(2), other),
-                       Counted("Status", Direction::kToClient, id(0x7D), order),
-                       {.name = "reference",
-                        .direction = Direction::kReference,
-                        .fields = {Field("x_m", NumberType::kF32, order, 1.0),
-                                   Field("yaw_rad", NumberType::kI8, order, 0.02)}}};
+  protocol.messages = {
+      {.name = "start", .direction = Direction::kToPlant, .id = id(1)},
+      AllTypes("actuators", Direction::kToPlant, id(0x7E), order),
+      AllTypes("status", Direction::kToClient, id(2), other),
+      Counted("Status", Direction::kToClient, id(0x7D), order),
+      Long("long", Direction::kToClient, id(id_type == NumberType::kU16 ? 0x0105 : 5), order),
+      {.name = "reference",
+       .direction = Direction::kReference,
+       .fields = {Field("x_m", NumberType::kF32, order, 1.0),
+                  Field("yaw_rad", NumberType::kI8, order, 0.02)}}};
   for (MessageType& type : protocol.messages) type = LayOut(std::move(type));
   return protocol;
 }

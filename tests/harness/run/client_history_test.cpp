@@ -150,7 +150,7 @@ TEST(ClientHistory, AFlightThatNeverStartedSaysWhatArrived) {
   for (TimeNs t = 0; t < 3; ++t) Sends(running, t, request, Direction::kToPlant, true);
   EXPECT_EQ(
       Explained(running),
-      "why; 24 bytes arrived, 3 x `read_sensors`; if it was running already, reset it: a flight starts with "
+      "why; 24 bytes arrived, 3 x `request`; if it was running already, reset it: a flight starts with "
       "`start`");
 
   RunLog damaged;

@@ -47,7 +47,7 @@ class Exchange {
     return *this;
   }
   ProtocolUse Use(std::int64_t baud = 0) {
-    AddProtocolUse(log_, 0, *link::FindProtocol("paper"), baud);
+    AddProtocolUse(log_, 0, *link::FindProtocol("paper"), {.baud = baud});
     return *log_.clients[0].protocol;
   }
   std::vector<LineMistake> Mistakes(double end_ms, EndReason ended = EndReason::kCompleted) {

@@ -14,6 +14,7 @@ namespace tiltproof::harness {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class FaultSignalsTest : public testing::Test {
@@ -130,6 +131,23 @@ TEST_F(FaultSignalsTest, WindNeedsDrag) {
   EXPECT_EQ(Error(gust),
             "s.yaml:4:24: type: plant.gust moves only a vehicle with drag; this one's file has no "
             "<tiltproof:drag> (tiltrotor_drag has one)");
+}
+
+// A command of 0 would turn such a servo to 0, not free it.
+TEST_F(FaultSignalsTest, AServoThatIsCommandedByAngleDoesNotFloat) {
+  const auto afloat = [this](const std::string& actuator) {
+    return Error("{id: a, type: actuator.float, parameters: {actuator: " + actuator + "}}");
+  };
+  std::vector<Signal> inputs(signals_->inputs.begin(), signals_->inputs.end());
+  inputs.push_back(SignalNamed("angle_mast_rad", SignalFrame::kHinge));
+  signals_->inputs = SignalTable(inputs);
+  EXPECT_EQ(afloat("f_front_left"), "");
+  EXPECT_EQ(afloat("tau_rudder"), "");
+  EXPECT_THAT(afloat("angle_mast"),
+              AllOf(HasSubstr("s.yaml:4:24: type: actuator.float needs a thrust or a torque; "
+                              "'angle_mast' is a servo that is commanded by angle"),
+                    HasSubstr("plant.servo_jam")));
+  EXPECT_EQ(Loss("angle_mast"), "");
 }
 
 // Words that YAML takes for something else.

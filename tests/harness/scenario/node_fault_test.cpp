@@ -109,8 +109,8 @@ TEST_F(NodeFaultTest, FormerTypesSayWhatStandsForThem) {
   EXPECT_EQ(Error("- {id: a, type: device.clock_drift, parameters: {ppm: 1}}\n"),
             "s.yaml:5:17: type: 'device.clock_drift' was replaced by clock.drift {ppm}");
   EXPECT_EQ(Error("- {id: a, type: uart.parity_error, parameters: {probability: 1}}\n"),
-            "s.yaml:5:17: type: 'uart.parity_error' was removed: all lines are 8N1, where no receiver checks "
-            "parity");
+            "s.yaml:5:17: type: 'uart.parity_error' was removed: set link.parity, and flip bits with "
+            "wire.bit_error");
 }
 
 TEST_F(NodeFaultTest, DeviceFaultsAreReadAndWrittenBack) {

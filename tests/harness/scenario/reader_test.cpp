@@ -94,6 +94,7 @@ TEST_F(ReaderTest, FillsInDefaults) {
   EXPECT_THAT(s.initial_attitude_rad, ElementsAre(0, 0, 0));
   EXPECT_FALSE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 921'600);
+  EXPECT_EQ(link::Name(s.link.character), "8N1");
   EXPECT_EQ(s.link.protocol->name, "paper");
   EXPECT_EQ(s.link.adapter_latency_ms, 0.0);
   EXPECT_TRUE(s.reference.velocity);
@@ -116,7 +117,7 @@ duration_s: 60.5
 step_s: 0.003
 angular_rates: body
 initial: {position_m: [2, 0, 0.25], attitude_rad: [0.1, -0.2, 3]}
-link: {ideal: true, baud: 115200, reference_baud: 57600, dialect: provant, adapter_latency_ms: 1.5}
+link: {ideal: true, baud: 115200, reference_baud: 57600, data_bits: 7, parity: odd, stop_bits: 2, dialect: provant, adapter_latency_ms: 1.5}
 reference: {type: spiral, turns_count: 2, radius_m: 4, height_m: -1, start_m: [1, 2, 3], velocity: false, time_s: 30}
 faults:
   - {id: bursts, type: wire.gilbert_elliott, target: to_client, start_s: 20, end_s: 25.000000001,
@@ -143,6 +144,7 @@ criteria:
   EXPECT_TRUE(s.link.ideal);
   EXPECT_EQ(s.link.baud, 115'200);
   EXPECT_EQ(s.link.reference_baud, 57'600);
+  EXPECT_EQ(link::Name(s.link.character), "7O2");
   EXPECT_EQ(s.link.protocol->name, "provant");
   EXPECT_EQ(s.link.adapter_latency_ms, 1.5);
   EXPECT_FALSE(s.reference.velocity);
@@ -237,7 +239,7 @@ TEST_F(ReaderTest, ProtocolHasTwoNames) {
   EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link, Read(head + "link: {dialect: provant}\n").link);
   EXPECT_EQ(Read(head + "link: {protocol: provant}\n").link.protocol->name, "provant");
   EXPECT_THAT(ErrorsWith("link: {protocol: paper, dialect: provant}\n"),
-              ElementsAre("4:8: 'dialect' and 'protocol' are two names of one key: give one"));
+              ElementsAre("4:25: 'protocol' and 'dialect' are two names of one key: give one"));
   EXPECT_THAT(ErrorsWith("link: {protocol: papre}\n"),
               ElementsAre("4:18: protocol: unknown value 'papre'; did you mean 'paper'?"));
 }
@@ -385,7 +387,7 @@ TEST_F(ReaderTest, SensorsIsAnotherWordForTheRequest) {
     const Scenario s = Read(With("faults: [{id: a, message: " + word +
                                  ", type: wire.bit_error, target: to_plant, parameters: {ber: 0.1}}]\n"));
     EXPECT_EQ(s.faults.at(0).message, "request");
-    EXPECT_THAT(WriteResolved(s), HasSubstr("message: request"));
+    EXPECT_THAT(WriteResolved(s), HasSubstr("message: \"request\""));
   }
 }
 
