@@ -52,9 +52,9 @@ FaultType FrameBabble() {
           "that has waited until then may have gone on already. Only what falls into the fault's active time "
           "counts, of a pause of more than a second only the last second, and nothing before the first "
           "frame. What would follow a frame that the trigger does not pick is left out. Each has 1 to 64 "
-          "bytes of uniformly random value, of uniformly random number, between two flags; where frames have "
-          "a length in front, it has 3 to 66 bytes, and they may be the marks of a frame. "
-          "They delay the frames behind them; when they take more than the line carries, the delay grows.",
+          "bytes of uniformly random value, of uniformly random number, between two flags. Where frames have "
+          "a length in front, it has 3 to 66 bytes, which may be the marks of a frame. They delay the frames "
+          "behind them; when they take more than the line carries, the delay grows.",
       .source =
           "Kopetz, Real-Time Systems: Design Principles for Distributed Embedded Applications, Kluwer, 1997 "
           "(babbling idiot); Temple, Avoiding the Babbling-Idiot Failure in a Time-Triggered Communication "

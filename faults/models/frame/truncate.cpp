@@ -31,8 +31,8 @@ FaultType FrameTruncate() {
               "Models a sender that is reset or interrupted in the middle of a frame, or a buffer that is "
               "too short. A frame that the trigger picks is cut short with the given probability. At least "
               "one byte goes on and at least one byte is lost; all possible lengths are equally likely. The "
-              "end of the frame is always lost. In `hdlc` the opening flag of the next frame ends it; in "
-              "`cobs` the next frame belongs to it, up to its flag; in `length_prefixed` bytes of the next "
+              "end of the frame is always lost. In `hdlc` the opening flag of the next frame ends it. In "
+              "`cobs` the next frame belongs to it, up to its flag. In `length_prefixed` bytes of the next "
               "frames complete it. A frame of a single byte stays as it is.",
           .source =
               "RFC 1662, PPP in HDLC-like Framing, IETF, 1994, section 4.3 (how receivers treat such "

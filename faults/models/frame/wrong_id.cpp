@@ -55,33 +55,34 @@ std::optional<Problem> RefusesId(const Parameters& parameters, const link::Proto
 }  // namespace
 
 FaultType FrameWrongId() {
-  return {.name = "frame.wrong_id",
-          .summary = "A message comes with the id of another, or of none.",
-          .semantics =
-              "Models a sender with a wrong table of messages. With the given probability, the first bytes "
-              "of the payload of a frame that the trigger picks become `id`, as the protocol writes its ids "
-              "(in `paper` as a binary32 number). A message with an id has it there. In a message without an "
-              "id (in `paper` the replies and the references) its first bytes change. The check is that of "
-              "the new payload, and the frame is encoded again; if the check was wrong before, it stays "
-              "wrong in the same bits. With the id that the message has already, nothing changes.",
-          .source =
-              "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), "
-              "1991 (value failures of a server).",
-          .parameters = {{.name = "id",
-                          .unit = "1",
-                          .min = -3e38,
-                          .max = 3e38,
-                          .doc = "the id that is sent",
-                          .example = 9.0},
-                         ProbabilityParameter("probability, per frame, that it has the wrong id", 0.3)},
-          .kind = WireKind{
-              .wire_layer = WireLayer::kFrame,
-              .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
-                return std::make_unique<WrongId>(setup);
-              },
-              .volume = Volume::kMayLose,  // fewer escapes
-              .refuses = RefusesId,
-          }};
+  return {
+      .name = "frame.wrong_id",
+      .summary = "A message comes with the id of another, or of none.",
+      .semantics =
+          "Models a sender with a wrong table of messages. With the given probability, the first bytes of "
+          "the payload of a frame that the trigger picks become `id`. It is written as the protocol writes "
+          "its ids, in `paper` as a binary32 number. A message with an id has it there. In a message without "
+          "an id (in `paper` the replies and the references) its first bytes change. The check is that of "
+          "the new payload, and the frame is encoded again; if the check was wrong before, it stays wrong in "
+          "the same bits. With the id that the message has already, nothing changes.",
+      .source =
+          "Cristian, Understanding Fault-tolerant Distributed Systems, Communications of the ACM 34(2), "
+          "1991 (value failures of a server).",
+      .parameters = {{.name = "id",
+                      .unit = "1",
+                      .min = -3e38,
+                      .max = 3e38,
+                      .doc = "the id that is sent",
+                      .example = 9.0},
+                     ProbabilityParameter("probability, per frame, that it has the wrong id", 0.3)},
+      .kind = WireKind{
+          .wire_layer = WireLayer::kFrame,
+          .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
+            return std::make_unique<WrongId>(setup);
+          },
+          .volume = Volume::kMayLose,  // fewer escapes
+          .refuses = RefusesId,
+      }};
 }
 
 }  // namespace tiltproof::faults
