@@ -1,4 +1,7 @@
 // The dialect `hardened` of the firmware against the harness's protocols and framings, which share no code with it.
+// Before the codec: its kFlag would be shadowed by the role of that name.
+#include "link/framing.h"
+//
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
