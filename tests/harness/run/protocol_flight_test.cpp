@@ -398,7 +398,7 @@ std::vector<LineMistake> MistakesOf(const std::vector<double>& commands_ms, doub
         protocol.framing->Encode(protocol.Encode(front, std::vector<double>{number++, 0.5, 0.5}).span());
     log.link.Append(chunk, {0, Direction::kToPlant}, false);
   }
-  AddProtocolUse(log, 0, protocol, 0);
+  AddProtocolUse(log, 0, protocol, {.baud = 0});
   return *log.clients[0].line_mistakes;
 }
 

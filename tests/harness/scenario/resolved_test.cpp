@@ -142,7 +142,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     if (*rc::gen::arbitrary<bool>()) fault.period_ns = kNever;
     if (fault.period_ns == kNever) fault.duty.reset();
     for (const auto& problem : faults::Validate(fault)) {
-      if (problem.key == "message") fault.message.reset();
+      if (problem.key == "message") fault.message.clear();
       if (problem.key == "parameters.frames") fault.parameters["frames"] = std::string("7e00 - 7d");
       if (problem.key == "parameters.direction") fault.parameters["direction"] = std::array{0.0, 0.0, 1.0};
       if (problem.key == "period_s") {
@@ -158,7 +158,7 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     };
     for (const faults::ParameterInfo& info : type.parameters) {
       if (info.kind != faults::ParameterKind::kField) continue;
-      if (fields().empty()) fault.message.reset();  // it has none
+      if (fields().empty()) fault.message.clear();  // it has none
       fault.parameters[std::string(info.name)] = *rc::gen::elementOf(fields());
     }
   }

@@ -175,8 +175,10 @@ TEST(Framings, AFaultThatNeedsAFlagOrAnEscapeSaysSo) {
   EXPECT_EQ(problem("frame.flag_loss", Cobs()), "");
   EXPECT_EQ(problem("frame.drop", Length()), "");
   EXPECT_EQ(problem("sensor.bias", Length()), "");
-  for (const FaultType& type : FaultTypes())
-    if (type.name != "frame.length_error") EXPECT_EQ(problem(std::string(type.name).c_str(), Paper()), "");
+  for (const FaultType& type : FaultTypes()) {
+    if (type.name == "frame.length_error") continue;
+    EXPECT_EQ(problem(std::string(type.name).c_str(), Paper()), "");
+  }
 }
 
 // A protocol whose messages have ids of one byte and integers.
