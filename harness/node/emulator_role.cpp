@@ -39,7 +39,8 @@ class EmulatorRole final : public Role {
     spec_ = BoardOf(image_, scenario_.firmware, *scenario_.link.protocol);
     const ElfSymbols symbols(spec_.image);
     if (const auto region = symbols.FindRegion(kStatusSymbol)) status_address_ = region->address;
-    counts_.emplace(scenario_.faults, scenario_.seed);
+    counts_.emplace(scenario_.faults, scenario_.seed,
+                    faults::FaultSchedule::Place{.protocol = scenario_.link.protocol});
     for (faults::DeviceCommand& command : faults::DeviceCommands(scenario_.faults, scenario_.seed)) {
       std::vector<MemoryBit> bits;
       if (const auto* flips = std::get_if<faults::FlipBits>(&command.action))

@@ -181,11 +181,11 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
   }
   return fmt::format(
       "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
-      " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"states\": {},\n \"inputs\": {},\n \"gain\": {},\n"
-      " \"protocol\": {}}}\n",
+      " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"inputs\": {},\n \"gain\": {},\n"
+      " \"states\": {},\n \"protocol\": {}}}\n",
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
-      SignalsText(scenario, model), StatesText(model), InputsText(model), gain,
+      SignalsText(scenario, model), InputsText(model), gain, StatesText(model),
       ProtocolText(*scenario.link.protocol));
 }
 

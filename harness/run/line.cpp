@@ -80,14 +80,12 @@ LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t cli
                         records_.WriteBytes(at, direction, ByteSide::kPassedOn, bytes);
                       }});
   }
-  At(ends_, Direction::kToClient)
-      .SetOnSentFrame([this](const ReceivingEnd::FrameName& name, link::MessageKind kind) {
-        // The authors' server answers before t = 0 too; that is not timed.
-        if (kind != link::MessageKind::kReply || !origin_.known() || requested_ns_ == BootTime::Never())
-          return;
-        if (replies_.size() == kRepliesMax) replies_.pop_front();
-        replies_.push_back({name, requested_ns_});
-      });
+  At(ends_, Direction::kToClient).SetOnSentFrame([this](const ReceivingEnd::FrameName& name) {
+    // The authors' server answers before t = 0 too; that is not timed.
+    if (protocol_->streams() || !origin_.known() || requested_ns_ == BootTime::Never()) return;
+    if (replies_.size() == kRepliesMax) replies_.pop_front();
+    replies_.push_back({name, requested_ns_});
+  });
 }
 
 void LocalLine::Add(const faults::FaultSpec& fault) {

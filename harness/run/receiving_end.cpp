@@ -7,18 +7,12 @@
 namespace tiltproof::harness {
 
 ReceivingEnd::ReceivingEnd(const link::Protocol& protocol, link::Direction direction, bool faulty)
-    : protocol_(protocol),
-      faulty_(faulty),
-      receiver_(protocol, direction),
-      sent_receiver_(protocol, direction) {}
+    : faulty_(faulty), receiver_(protocol, direction), sent_receiver_(protocol, direction) {}
 
 void ReceivingEnd::OnSent(const link::Chunk& chunk) {
   const auto number = static_cast<std::size_t>(counts_.frames_sent++);
   if (!faulty_) {
-    const bool is_message = chunk.message < protocol_.messages.size();
-    if (on_sent_frame_)
-      on_sent_frame_({chunk.number, 0},
-                     is_message ? protocol_.messages[chunk.message].kind : link::MessageKind::kUnknown);
+    if (on_sent_frame_) on_sent_frame_({chunk.number, 0});
     return;
   }
   recent_[number % recent_.size()] = chunk.bytes;
@@ -26,7 +20,7 @@ void ReceivingEnd::OnSent(const link::Chunk& chunk) {
     if (frame.message == nullptr) return;
     const std::uint64_t hash = Fnv1a(frame.payload);
     sent_[hash].push_back(next_number_++);
-    if (on_sent_frame_) on_sent_frame_({frame.number, hash}, frame.message->type->kind);
+    if (on_sent_frame_) on_sent_frame_({frame.number, hash});
   });
 }
 

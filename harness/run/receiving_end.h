@@ -41,7 +41,7 @@ class ReceivingEnd {
     friend bool operator==(const FrameName&, const FrameName&) = default;
   };
   // Called with every message as sent; where nothing edits bytes, with every chunk.
-  using OnSentFrame = std::function<void(const FrameName& name, link::MessageKind kind)>;
+  using OnSentFrame = std::function<void(const FrameName& name)>;
   void SetOnSentFrame(OnSentFrame on_sent_frame) { on_sent_frame_ = std::move(on_sent_frame); }
 
   // Taps of the wire.
@@ -75,7 +75,6 @@ class ReceivingEnd {
   FrameName CountAccepted(BootTime arrival, const MessageReceiver::Frame& frame);
   void Audit(std::uint64_t payload_hash);
 
-  const link::Protocol& protocol_;
   bool faulty_;
   OnSentFrame on_sent_frame_;
   MessageReceiver receiver_;

@@ -338,8 +338,6 @@ class Maker {
       Complain(messages,
                "messages: the client has no actuator message: one with the vehicle's inputs as fields");
     const MessageType* reference = protocol.Find(MessageKind::kReference);
-    if (reference == nullptr)
-      Complain(messages, "messages: no message travels on the reference line: give one `line: reference`");
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       if (protocol.messages[i].kind == MessageKind::kReference && &protocol.messages[i] != reference)
         Complain(Place(i, "line"),

@@ -77,7 +77,7 @@ TEST(GoodnessOfFitTest, TheseTypesDraw) {
                            "wire.bit_error", "wire.gilbert_elliott", "wire.burst", "wire.stuck_byte",
                            "wire.byte_drop", "wire.byte_insert", "wire.byte_duplicate", "wire.byte_swap",
                            "wire.echo", "frame.drop", "frame.duplicate", "frame.reorder", "frame.delay",
-                           "frame.truncate", "frame.replay_stale", "frame.short", "frame.long",
+                           "frame.truncate", "frame.length_error", "frame.replay_stale", "frame.short", "frame.long",
                            "frame.wrong_id", "frame.semantic", "frame.checksum_preserving", "frame.flag_loss",
                            "frame.flag_forgery", "frame.dangling_escape", "frame.unsolicited", "frame.babble",
                            "sensor.noise", "sensor.random_walk", "sensor.dropout", "sensor.spike",

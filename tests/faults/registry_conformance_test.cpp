@@ -336,7 +336,7 @@ TEST_P(WireConformanceTest, WaitsForTheOriginUnlessOpenFromPowerOn) {
   const auto activations = [&](TimeNs start_ns) {
     FaultSpec spec = ExampleSpec(type());
     spec.start_ns = start_ns;
-    FaultSchedule schedule({spec}, 1);
+    FaultSchedule schedule({spec}, 1, {.protocol = ProtocolFor({spec})});
     for (std::int64_t n = 0; n < kFrames; ++n) {
       std::vector<link::Chunk> chunks = {Frame(n)};
       schedule.Filter(link::Direction::kToClient)->Apply(chunks);
@@ -351,7 +351,7 @@ TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
   FaultSpec spec = ExampleSpec(type());
   spec.start_ns = 300 * kPeriod;
   spec.end_ns = 600 * kPeriod;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule({spec}, 1, {.protocol = ProtocolFor({spec})});
   constexpr Origin kOrigin(BootTime{100 * kPeriod});
   schedule.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < kFrames; ++n) {
@@ -436,7 +436,7 @@ TEST_P(WireConformanceTest, DirectionsAreIndependent) {
   FaultSpec spec = ExampleSpec(type());
   spec.target = Target::kBoth;
   spec.probability = 0.6;
-  FaultSchedule both({spec}, 1);
+  FaultSchedule both({spec}, 1, {.protocol = ProtocolFor({spec})});
   const auto to_client = Send(both, kFrames);
   const auto to_plant = Send(both, kFrames, 68, link::Direction::kToPlant);
   EXPECT_EQ(both.Filter(link::Direction::kReference), nullptr);
@@ -445,7 +445,7 @@ TEST_P(WireConformanceTest, DirectionsAreIndependent) {
   EXPECT_FALSE(equal);
 
   spec.target = Target::kToClient;
-  FaultSchedule one({spec}, 1);
+  FaultSchedule one({spec}, 1, {.protocol = ProtocolFor({spec})});
   const auto alone = Send(one, kFrames);
   for (std::size_t n = 0; n < alone.size(); ++n) ASSERT_TRUE(Same(alone[n], to_client[n])) << n;
 }
@@ -463,14 +463,15 @@ TEST_P(WireConformanceTest, NothingTravelsBackInTime) {
 }
 
 TEST_P(WireConformanceTest, ActsOnAnIdealLineToo) {
-  FaultSchedule schedule({ExampleSpec(type())}, 1, {.baud = 0, .reference_baud = 0});
+  FaultSchedule schedule({ExampleSpec(type())}, 1,
+                         {.baud = 0, .reference_baud = 0, .protocol = ProtocolFor({ExampleSpec(type())})});
   Send(schedule, kFrames);
   EXPECT_GT(schedule.ActivationCounts().at(0), 0);
 }
 
 TEST_P(WireConformanceTest, SurvivesTheShortestAndTheLongestChunks) {
   for (const std::size_t size : {1U, 2U, 1024U}) {
-    FaultSchedule schedule({ExampleSpec(type())}, 1);
+    FaultSchedule schedule({ExampleSpec(type())}, 1, {.protocol = ProtocolFor({ExampleSpec(type())})});
     for (const auto& out : Send(schedule, 200, size)) {
       for (const auto& chunk : out) ASSERT_FALSE(chunk.bytes.empty());
     }

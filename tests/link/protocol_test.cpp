@@ -147,7 +147,8 @@ TEST(ProtocolTest, DecodesWhatTheFirmwaresOwnDecodersDo) {
       }
   }
   for (std::size_t status = 0; status < statuses.size(); ++status) {
-    if (static_cast<MessageStatus>(status) == MessageStatus::kStale) continue;  // a matter of several messages
+    if (static_cast<MessageStatus>(status) == MessageStatus::kStale)
+      continue;  // a matter of several messages
     EXPECT_GT(statuses[status], 1000) << status;
   }
 }

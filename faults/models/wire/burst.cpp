@@ -63,7 +63,8 @@ FaultType WireBurst() {
               "frames. Disturbances come as a Poisson process in time, whether or not something is sent. A "
               "disturbance that falls on an idle line has no effect. Each disturbance lasts `length_bits` "
               "data bits; the data bits of a byte, and its parity bit, share its time evenly. Each bit that "
-              "begins within a disturbance is flipped with probability `density`. A disturbance may begin before a frame and end "
+              "begins within a disturbance is flipped with probability `density`. A disturbance may begin "
+              "before a frame and end "
               "after it. On an ideal link, bits are placed as at 921600 baud.",
           .source =
               "IEC 61000-4-4:2012 (electrical fast transients in bursts); Kingman, Poisson Processes, "

@@ -1,6 +1,7 @@
 #include "firmware/ports/host/lqr_parameters.h"
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -103,14 +104,14 @@ bool ReadMessage(const Json& json, MessageType& type) {
   return type.payload_bytes <= link::kPayloadBytesMax;
 }
 
-std::shared_ptr<const link::Protocol> ReadProtocol(const Json& json, float period_s) {
+std::shared_ptr<const link::Protocol> ReadProtocol(const Json& json, double period_s) {
   auto protocol = std::make_shared<link::Protocol>();
   protocol->name = json.TextAt("name");
   const Json *framing = json.Find("framing"), *messages = json.Find("messages");
   if (framing == nullptr || messages == nullptr || messages->items.size() > kMessagesMax) return nullptr;
   protocol->framing = ReadFraming(*framing);
   if (protocol->framing == nullptr) return nullptr;
-  protocol->control_period_ns = static_cast<TimeNs>(static_cast<double>(period_s) * 1e9);
+  protocol->control_period_ns = std::llround(period_s * 1e9);
   protocol->world = json.TextAt("world") == "ned" ? link::WorldAxes::kNed : link::WorldAxes::kEnu;
   protocol->body = json.TextAt("body") == "frd" ? link::BodyAxes::kFrd : link::BodyAxes::kFlu;
   for (const Json& message : messages->items)
@@ -159,7 +160,7 @@ bool ReadLqrSetup(const char* parameters, LqrSetup& setup) {
   if (!json) return false;
   setup = {};
   LqrTable& table = setup.table;
-  const auto period_s = json->NumberAt<float>("control_period_s");
+  const auto period_s = json->NumberAt<double>("control_period_s");
   const Json *states = json->Find("states"), *inputs = json->Find("inputs"), *gain = json->Find("gain"),
              *protocol = json->Find("protocol");
   if (!period_s || !(*period_s > 0) || !(*period_s < 1000) || states == nullptr || inputs == nullptr ||
@@ -170,7 +171,7 @@ bool ReadLqrSetup(const char* parameters, LqrSetup& setup) {
       !ReadEach(*states, "hover", table.hover_state) || !ReadEach(*inputs, "hover", table.hover_input) ||
       !ReadEach(*inputs, "min", table.input_min) || !ReadEach(*inputs, "max", table.input_max))
     return false;
-  table.period_s = *period_s;
+  table.period_s = static_cast<float>(*period_s);
   table.hinge_count = state_count / 2 - 6;
   table.input_count = inputs->items.size();
   setup.states = NamesOf(*states);

@@ -36,7 +36,7 @@ NodeFaults::NodeFaults(const Scenario& scenario, bool attached)
       commands_(faults::NodeCommands(scenario.faults)),
       begun_(commands_.size(), false),
       ended_(commands_.size(), false),
-      counts_(scenario.faults, scenario.seed) {
+      counts_(scenario.faults, scenario.seed, {.protocol = scenario.link.protocol}) {
   for (std::size_t i = 0; i < commands_.size(); ++i) {
     const faults::NodeCommand& command = commands_[i];
     const std::string& id = scenario.faults[command.fault].id;

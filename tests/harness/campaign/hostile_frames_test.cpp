@@ -327,15 +327,15 @@ TEST(HostileSequence, AReceiversViewHasTheFramesAround) {
   const LineBytes whole = Framing().Encode(payload);
   const LineBytes bare(whole.begin() + 1, whole.end() - 1);
   for (const char* place : {"instead", "before", "after"}) {
-    EXPECT_THAT(described(place, {bare}), ElementsAre("sensors of 64 bytes")) << place;
-    EXPECT_THAT(described(place, {whole}), ElementsAre("sensors of 64 bytes")) << place;
+    EXPECT_THAT(described(place, {bare}), ElementsAre("reply of 64 bytes")) << place;
+    EXPECT_THAT(described(place, {whole}), ElementsAre("reply of 64 bytes")) << place;
     EXPECT_THAT(described(place, {{0x7D}}), ElementsAre("dangling_escape of 1 byte")) << place;
     EXPECT_THAT(described(place, {{0x7E}, {}, {0x7E, 0x7E}}), ElementsAre("1 flag", "as it is", "2 flags"));
     EXPECT_THAT(described(place, {LineBytes(600)}), ElementsAre("too_long of 259 bytes"));
   }
   const std::vector<LineBytes> halves = {{bare.begin(), bare.begin() + 30}, {bare.begin() + 30, bare.end()}};
   EXPECT_THAT(described("instead", halves),
-              ElementsAre("sensors of 64 bytes (it ends in frame 2)", "the rest of frame 1"));
+              ElementsAre("reply of 64 bytes (it ends in frame 2)", "the rest of frame 1"));
   EXPECT_THAT(described("before", halves),
               ElementsAre("bad_checksum of 30 bytes", "bad_checksum of 36 bytes"));
   EXPECT_THAT(described("instead", {LineBytes(600), {}, {1}}),

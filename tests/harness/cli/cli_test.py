@@ -383,7 +383,7 @@ class CliTest(CommandLineTest):
         self.assertRegex(self.tiltproof("link-dump", alone)[1].splitlines()[1], r" 0000803f  = 1$")
         self.assertEqual(self.tiltproof("link-dump", alone, "--protocol", "paper")[1], out)
         self.assertEqual(self.tiltproof("link-dump", alone, "--protocol", "papr")[::2],
-                         (2, "tiltproof: --protocol papr: no such protocol or file; did you mean 'paper'?\n"))
+                         (2, "--protocol papr: no such protocol or file; did you mean 'paper'?\n"))
         self.assertTrue(any("to_client" in line and " ok " in line and " 64 " in line for line in lines))
         damaged = self.folder / "damaged.bin"
         damaged.write_bytes((self.latest() / "hover/link.bin").read_bytes()[:-1])

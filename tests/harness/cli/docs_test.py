@@ -107,8 +107,8 @@ class WireDocTest(unittest.TestCase):
 
     def test_the_examples_of_messages(self):
         rows = re.findall(r"^\| `(7E [0-9A-F ]+7E)` \| (.*) \|$", PAGE, re.M)
-        self.assertEqual(len(rows), 3)
-        for row, meaning in rows:
+        self.assertEqual(len(rows), 5)
+        for row, meaning in rows[:3]:  # the others have a CRC-32
             self.assertEqual([status for status, _ in Decoder().feed(bytes.fromhex(row))], ["ok"], meaning)
 
     def test_the_example_of_link_bin(self):

@@ -55,7 +55,7 @@ class ProtocolTest(CommandLineTest):
         code, out, err = self.tiltproof("replay", self.latest())
         self.assertEqual(code, 0, out + err)
         self.assertIn(flown["mine"], out)
-        self.assertIn("protocol: mine", (self.latest() / "mine/scenario.resolved.yaml").read_text())
+        self.assertRegex((self.latest() / "mine/scenario.resolved.yaml").read_text(), r'protocol: "?mine')
 
     def test_a_folder_of_scenarios_may_hold_their_protocols(self):
         self.scenario("hover", SHORT_HOVER + "link: {protocol: mine.yaml}\n")

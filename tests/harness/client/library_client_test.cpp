@@ -60,12 +60,22 @@ TEST(LibraryClient, PassesParameters) {
     LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, "lqr", "paper", host, nullptr, false,
                       [&] { return parameters; });
   };
-  std::string signals, row;
-  for (int i = 0; i < 12; ++i) signals += std::string(i == 0 ? "" : ", ") + R"({"name": "s", "hover": 0})";
+  std::string states, fields, row;
+  for (const char* name : {"x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad", "vx_m_s", "vy_m_s",
+                           "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s"}) {
+    const std::string comma = states.empty() ? "" : ", ";
+    states += comma + R"({"name": ")" + name + R"(", "hover": 0})";
+    fields += comma + R"({"signal": ")" + name + R"(", "type": "f32", "scale": 1, "min": -9, "max": 9})";
+  }
   for (int i = 0; i < 16; ++i) row += std::string(i == 0 ? "" : ",") + " -1.5e-3";
   const auto text = [&](const std::string& gain) {
-    return R"({"control_period_s": 0.012, "angular_rates": "world", "signals": [)" + signals +
-           R"(], "inputs": [{"name": "f", "min": 0, "max": 2, "hover": 1}], "gain": )" + gain + "}";
+    return R"({"control_period_s": 0.012, "angular_rates": "world", "states": [)" + states +
+           R"(], "inputs": [{"name": "f", "min": 0, "max": 2, "hover": 1}], "gain": )" + gain +
+           R"(, "protocol": {"name": "own", "framing": {"type": "hdlc", "check": "sum8"}, "messages": [)"
+           R"({"name": "reply", "role": "reply", "from": "server", "fields": [)" +
+           fields +
+           R"(]}, {"name": "actuators", "role": "actuators", "from": "client", "fields": [)"
+           R"({"signal": "f", "type": "f32", "scale": 1, "min": 0, "max": 2}]}]}})";
   };
   load(text("[[" + row + "]]"));
   for (const std::string& wrong :

@@ -148,10 +148,9 @@ TEST(ClientHistory, AFlightThatNeverStartedSaysWhatArrived) {
 
   RunLog running;
   for (TimeNs t = 0; t < 3; ++t) Sends(running, t, request, Direction::kToPlant, true);
-  EXPECT_EQ(
-      Explained(running),
-      "why; 24 bytes arrived, 3 x `request`; if it was running already, reset it: a flight starts with "
-      "`start`");
+  EXPECT_EQ(Explained(running),
+            "why; 24 bytes arrived, 3 x `request`; if it was running already, reset it: a flight starts with "
+            "`start`");
 
   RunLog damaged;
   std::vector<std::uint8_t> wrong(start.begin(), start.end());

@@ -251,7 +251,8 @@ TEST_F(SchemaTest, EveryFaultTypeIsKnownToBoth) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
     const Json scenario = WithFault(type);
     std::ofstream(folder_ / "fault.yaml") << scenario.dump();  // JSON is YAML
-    EXPECT_TRUE(Reads(folder_ / "fault.yaml")) << message_;
+    // The schema knows all types, the reader also what the frames of the scenario's protocol have.
+    EXPECT_EQ(Reads(folder_ / "fault.yaml"), type.name != "frame.length_error") << message_;
     AddCase(std::string(type.name), scenario.dump(), true);
   }
   ExpectAgreement();

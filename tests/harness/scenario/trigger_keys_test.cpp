@@ -120,6 +120,7 @@ TEST_F(TriggerKeysTest, ACompoundGivesItsMembersAWindow) {
 // Whatever its kind, a member has the compound's window, as far as its type has one; its periods are its own.
 TEST_F(TriggerKeysTest, ACompoundGivesItsWindowToEveryType) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
+    if (type.name == "frame.length_error") continue;  // the frames of `paper` have no length
     std::string example = faults::Markdown(type);
     example = example.substr(example.find("- {id: example"));
     example = example.substr(0, example.find('\n'));
