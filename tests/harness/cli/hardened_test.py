@@ -23,6 +23,8 @@ CHANGED = {
                  "wire-frame-checksum-preserving-survive", "wire-frame-drop-fail", "wire-frame-duplicate-fail", "wire-frame-replay-stale-fail",
                  "wire-frame-truncate-fail", "wire-frame-unsolicited-fail", "wire-gilbert-elliott-fail", "wire-stuck-byte-fail"},
 }
+# The board flies fewer: what the protocol is for.
+ON_THE_BOARD = ("frame-drop", "frame-duplicate-survive", "frame-reorder", "frame-replay-stale", "frame-truncate", "byte-drop", "bit-error")
 
 
 def with_hardened(text):
@@ -41,15 +43,17 @@ class Hardened(unittest.TestCase):
             files = pathlib.Path(folder, "scenarios")
             files.mkdir()
             for file in sorted((SOURCE / "scenarios/wire").glob("*.yaml")):
+                if CLIENT != "host" and not file.name.startswith(ON_THE_BOARD):
+                    continue
                 (files / file.name).write_text(with_hardened(file.read_text()))
             (pathlib.Path(folder) / "envelope").symlink_to(SOURCE.resolve() / "scenarios/envelope")
             command = [TILTPROOF, "run", files, "--client", CLIENT, "--firmware", build, "-j", "2", "--out", folder, "--keep", "verdicts", "--no-report", "--no-progress"]
             done = subprocess.run([str(part) for part in command], capture_output=True, text=True)
             self.assertIn(done.returncode, (0, 1), done.stdout + done.stderr)
             flights = json.loads(pathlib.Path(folder, "latest/results.json").read_text())["scenarios"]
-        self.assertGreater(len(flights), 60)
+        self.assertGreater(len(flights), 60 if CLIENT == "host" else 8)
         self.assertEqual({flight["name"] for flight in flights if flight["verdict"] not in ("pass", "fail")}, set())
-        self.assertEqual({flight["name"] for flight in flights if not flight["green"]}, CHANGED[build], done.stdout)
+        self.assertEqual({flight["name"] for flight in flights if not flight["green"]}, CHANGED[build] & {flight["name"] for flight in flights}, done.stdout)
 
     def test_paper(self):
         self.check("paper")
