@@ -129,7 +129,7 @@ check("each mistake is said once, for the branch that is meant", async () => {
     [`${HEAD}reference: {velocity: true}\n`]: 'reference: Missing property "type".',
     [`${SPIRAL}criteria: [{name: a, stl: "true", max: 1}]\n`]: "criteria: Property max is not allowed.",
     [`${SPIRAL}criteria: [{name: a}]\n`]: 'criteria: Missing property "stl".',
-    [`${SPIRAL}link: {dialect: paper, protocol: paper}\n`]: "link: Property protocol is not allowed.",
+    [`${SPIRAL}link: {dialect: paper, protocol: paper}\n`]: "link: Property dialect is not allowed.",
     [`${SPIRAL}sed: 1\n`]: "tiltproof scenario: Property sed is not allowed.",
   };
   await each(Object.entries(cases), async ([text, expected]) => assert.deepEqual(await mistakes(text), [expected], text));

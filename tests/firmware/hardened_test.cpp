@@ -263,7 +263,8 @@ Bytes Header(std::uint8_t id, std::uint64_t number, std::uint64_t time_us) {
 // Numbers that do not wrap tell which message is newer.
 RC_GTEST_PROP(HeaderFilter, TakesWhatIsNewerOnly, ()) {
   HeaderFilter filter(kDialect, MessageKind::kReply);
-  std::uint64_t number = *rc::gen::inRange(0, 70'000), time_us = *rc::gen::element(0ULL, 0xFFFF'FF00ULL);
+  std::uint64_t number = *rc::gen::inRange<std::uint64_t>(0, 70'000),
+                time_us = *rc::gen::element(0ULL, 0xFFFF'FF00ULL);
   std::optional<std::pair<std::uint64_t, std::uint64_t>> last;
   for (int i = 0; i < 30; ++i) {
     number += static_cast<std::uint64_t>(*rc::gen::inRange(0, 4));

@@ -89,7 +89,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const FrameScript script = tiltproof::testing::ReadScript({data, size});
-  World world{.dialect = DialectOf(script), .decoder = {}};
+  World world{.dialect = DialectOf(script), .decoder = link::FrameDecoder()};
   const auto& build = BuildOf(script);
   world.values_matter = std::string_view(build.name) == "tolerant";
   const TiltproofHost host = {
@@ -124,7 +124,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     world.now = at;
     switch (step.line % 4) {
       case 2:
-        world.decoder = {};
+        world.decoder = link::FrameDecoder();
         wake = tiltproof_client_reset(client.get(), at);
         break;
       case 3:
