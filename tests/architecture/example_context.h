@@ -157,6 +157,11 @@ extern link::Chunk chunk;
 // faults/fault_event.h
 extern FaultSchedule line_faults, plant_faults;
 
+// faults/field_range.h
+#include "faults/random.h"
+extern const link::MessageField field;
+extern Random random;
+
 // faults/random.h
 extern std::uint64_t frame_number;
 
@@ -205,6 +210,11 @@ extern const LqrTable table;
 extern std::array<float, 12> sensed;
 extern const Reference reference;
 extern std::array<float, 4> command;
+
+// firmware/messages.h
+extern std::vector<std::uint8_t> payload;
+extern Sensors sensors;
+extern const Dialect dialect;
 
 // firmware/tolerant/accepted_replies.h
 extern const Sensors sensors;

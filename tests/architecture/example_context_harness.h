@@ -51,6 +51,9 @@ extern const examples::Function Take;
 // harness/cli/command_table.h
 extern const CLI::App& app;
 
+// harness/cli/protocol_flag.h
+extern std::vector<std::uint8_t> payload;
+
 // harness/cli/manual.h
 extern const CommandRow program;
 extern const examples::Function Write;

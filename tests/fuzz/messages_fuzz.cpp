@@ -122,7 +122,7 @@ void CheckUnknownDialect(link::Dialect dialect, Payload payload) {
 void CheckEnumerations(std::uint8_t byte, Payload payload) {
   CheckName(byte, link::FrameStatus::kNoOpeningFlag);
   CheckName(byte, link::MessageKind::kUnknown);
-  CheckName(byte, MessageStatus::kOutOfRange);
+  CheckName(byte, MessageStatus::kStale);
   CheckName(byte, link::Dialect::kHardened);
   if (const auto dialect = static_cast<link::Dialect>(byte); dialect > link::Dialect::kHardened)
     CheckUnknownDialect(dialect, payload);
