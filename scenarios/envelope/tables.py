@@ -284,7 +284,8 @@ def page(rows, clients, layers, limits, options, missing):
         "They fly the paper's spiral of 25 s with the fault from 10 s to 15 s. "
         f"`tiltproof envelope` ([margins](margins.md)) found the levels, exact to {exact} of the distance from harmless for the left and the right half. "
         "Every level that was flown below them is survived. "
-        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies everything again and writes this page.")
+        "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies everything again and writes this page. "
+        "[Wire](wire.md) compares the same firmware with the protocols `paper` and `hardened`.")
     halves = paragraph(
         f"The left half is for the {TITLES[0]}; the right half for {TITLES[1]}: 2 % heavier, 10 % more inertia, 20 % more drag torque "
         "(`scenarios/envelope/spiral-other-vehicle.yaml`).")
