@@ -104,6 +104,7 @@ double LqrApplication::InputField(const link::MessageField& field, std::span<con
 
 TimeNs LqrApplication::Send(TimeNs now, const MessageType& type, std::span<const float> inputs) {
   const std::uint32_t count = sent_counts_[PlaceOf(type)]++;
+  const TimeNs now_us = now / kNsPerUs;
   std::vector<double> values;
   for (const link::MessageField& field : type.fields) {
     switch (field.content) {
@@ -111,7 +112,7 @@ TimeNs LqrApplication::Send(TimeNs now, const MessageType& type, std::span<const
         values.push_back(Wrapped(field, count));
         break;
       case FieldContent::kTimeUs:
-        values.push_back(Wrapped(field, std::floor(static_cast<double>(now / kNsPerUs) / field.scale)));
+        values.push_back(Wrapped(field, std::floor(static_cast<double>(now_us) / field.scale)));
         break;
       case FieldContent::kSignal:
         values.push_back(InputField(field, inputs));

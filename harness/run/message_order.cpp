@@ -47,9 +47,10 @@ void MessageStamps::Write(const link::MessageType& type, BootTime now, std::span
     const MessageField& field = type.fields[i];
     if (field.content == FieldContent::kSequence)
       values[i] = field.scale * Wrapped(field.type, static_cast<double>(count));
-    if (field.content == FieldContent::kTimeUs)
-      values[i] = field.scale *
-                  Wrapped(field.type, std::floor(static_cast<double>(now.ns() / kNsPerUs) / field.scale));
+    if (field.content == FieldContent::kTimeUs) {
+      const TimeNs now_us = now.ns() / kNsPerUs;
+      values[i] = field.scale * Wrapped(field.type, std::floor(static_cast<double>(now_us) / field.scale));
+    }
   }
 }
 

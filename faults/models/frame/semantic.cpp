@@ -19,7 +19,7 @@ bool CanHold(const link::MessageField& field, std::string_view kind) {
 }
 
 std::optional<Problem> RefusesValue(const Parameters& parameters, const link::Protocol& protocol) {
-  const std::string name = parameters.Text("field"), kind = parameters.Choice("kind");
+  const std::string &name = parameters.Text("field"), &kind = parameters.Choice("kind");
   const link::MessageField* unable = nullptr;
   for (const link::MessageType& type : protocol.messages) {
     for (const link::MessageField& field : type.fields) {
