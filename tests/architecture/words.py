@@ -129,7 +129,7 @@ def of_scenario(text):
 
 
 def problems(root):
-    pages = sorted(root.glob("*.md")) + [page for folder in FOLDERS for page in sorted((root / folder).rglob("*.md"))]
+    pages = sorted(root.glob("*.md")) + [page for folder in FOLDERS for page in sorted((root / folder).rglob("*.md")) if "node_modules" not in page.parts]
     found = [(page, *problem) for page in pages if page.name not in NOT_PROSE for problem in of_page(page.read_text())]
     for file in sorted((root / "scenarios").rglob("*.yaml")):
         found += [(file, *problem) for problem in of_scenario(file.read_text())]

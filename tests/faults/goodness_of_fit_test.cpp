@@ -73,15 +73,16 @@ TEST(GoodnessOfFitTest, TheseTypesDraw) {
     Fly({ExampleSpec(type)});
     if (Random::DrawnCount() != before) drawing.emplace_back(type.name);
   }
-  EXPECT_THAT(drawing, ::testing::UnorderedElementsAre(
-                           "wire.bit_error", "wire.gilbert_elliott", "wire.burst", "wire.stuck_byte",
-                           "wire.byte_drop", "wire.byte_insert", "wire.byte_duplicate", "wire.byte_swap",
-                           "wire.echo", "frame.drop", "frame.duplicate", "frame.reorder", "frame.delay",
-                           "frame.truncate", "frame.length_error", "frame.replay_stale", "frame.short", "frame.long",
-                           "frame.wrong_id", "frame.semantic", "frame.checksum_preserving", "frame.flag_loss",
-                           "frame.flag_forgery", "frame.dangling_escape", "frame.unsolicited", "frame.babble",
-                           "sensor.noise", "sensor.random_walk", "sensor.dropout", "sensor.spike",
-                           "sensor.garbage", "actuator.noise", "plant.turbulence"));
+  EXPECT_THAT(
+      drawing,
+      ::testing::UnorderedElementsAre(
+          "wire.bit_error", "wire.gilbert_elliott", "wire.burst", "wire.stuck_byte", "wire.byte_drop",
+          "wire.byte_insert", "wire.byte_duplicate", "wire.byte_swap", "wire.echo", "frame.drop",
+          "frame.duplicate", "frame.reorder", "frame.delay", "frame.truncate", "frame.length_error",
+          "frame.replay_stale", "frame.short", "frame.long", "frame.wrong_id", "frame.semantic",
+          "frame.checksum_preserving", "frame.flag_loss", "frame.flag_forgery", "frame.dangling_escape",
+          "frame.unsolicited", "frame.babble", "sensor.noise", "sensor.random_walk", "sensor.dropout",
+          "sensor.spike", "sensor.garbage", "actuator.noise", "plant.turbulence"));
 }
 
 }  // namespace

@@ -15,8 +15,8 @@ constexpr std::size_t kSyncBytes = 2;
 TEST(LengthErrorTest, AllPlacesAndAllOtherValuesAreEquallyLikely) {
   constexpr std::int64_t kCount = 100'000;
   const FaultSpec spec = Spec("frame.length_error", {{"probability", 0.5}});
-  const auto protocol = link::PaperOver(link::MakeLengthFraming(
-      {.sync = {0xAA, 0x55}, .length_bytes = 2}, link::CheckKind::kCrc16Ibm3740));
+  const auto protocol = link::PaperOver(
+      link::MakeLengthFraming({.sync = {0xAA, 0x55}, .length_bytes = 2}, link::CheckKind::kCrc16Ibm3740));
   const Bytes honest = protocol->framing->Encode(Bytes(64, 7));
   FaultSchedule schedule({spec}, 1, {.protocol = protocol});
   schedule.SetOrigin(kOriginAtPowerOn);
