@@ -48,7 +48,7 @@ typedef struct TiltproofClient TiltproofClient;
 typedef struct {
   uint32_t abi_version; /* the version of the library, at most that of the harness */
   const char* firmware; /* the scenario's `firmware` key: which build to be; ignore it if there is only one */
-  const char* dialect;  /* "paper" or "provant" */
+  const char* dialect;  /* the protocol's name: "paper", "provant", "hardened", or that of a file */
   void* context;        /* pass back to the functions below */
   /* Gives bytes to the UART's transmitter at client time now_ns (that of the call in progress, or later
    * within it). They are sent back to back after what it still holds. Returns the client time at which the
