@@ -76,7 +76,7 @@ struct MessageType {
   std::optional<MessageId> id = {};
   std::string reply = {};  // the message that answers it; empty: none
   bool starts = false;     // the first one accepted makes t = 0
-  TimeNs period_ns = 0;    // the server sends it by itself, so often; 0: it does not
+  TimeNs period_ns = 0;    // between two that the server sends by itself; 0: it sends none so
   std::vector<MessageField> fields = {};
   std::size_t payload_bytes = 0;  // LayOut() sets it
   bool has_signals() const;       // beside numbers and times of messages

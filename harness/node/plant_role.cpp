@@ -6,7 +6,7 @@
 namespace tiltproof::harness {
 namespace {
 
-// The plant is stepped at least so often, in equal parts of the control period.
+// Longest time between two steps of the plant, which are equal parts of the control period.
 constexpr TimeNs kTickPeriodMaxNs = 4 * kNsPerMs;
 
 class PlantRole final : public Role {
