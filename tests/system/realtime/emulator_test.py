@@ -222,7 +222,7 @@ class EmulatorTest(unittest.TestCase):
         if code == 4:
             self.assertIn("too busy to judge", flight.text())
         else:
-            self.assertEqual(code, 0, flight.text())
+            self.assertEqual(code, 0, f"{flight.text()}{read(self.folder / 'console').decode(errors='replace')}")
             self.assertEqual([result["verdict"] for result in flight.run_results()], ["pass", "pass"])
 
     def processors(self, pid):
