@@ -26,7 +26,7 @@ using faults::ParameterValue;
 using faults::Random;
 
 constexpr int kTriesMax = 64;         // for one fault
-constexpr double kSection = 1e-6;     // six decades, where nothing says what is typical
+constexpr double kUntypical = 1e-6;   // six decades, where nothing says what is typical
 constexpr double kFromTypical = 100;  // to both sides
 constexpr std::uint64_t kSeedBits = 53;
 
@@ -167,7 +167,7 @@ class Drawer {
 
   ParameterValue Chosen(const ParameterInfo& info, const Distribution& distribution) {
     if (distribution.kind == Distribution::Kind::kChoice) {
-      const Scalar& scalar = distribution.values[random_.Below(distribution.values.size())];
+      const NumberOrWord& scalar = distribution.values[random_.Below(distribution.values.size())];
       if (const auto* word = std::get_if<std::string>(&scalar)) return *word;
       return std::get<double>(scalar);
     }
@@ -253,10 +253,10 @@ double LevelAt(const LevelRange& range, double share) {
   } else if (logarithmic && range.end == 0) {
     level = std::copysign(between(std::abs(range.start), range.typical && *range.typical != 0
                                                              ? std::min(far, std::abs(*range.typical) / kFromTypical)
-                                                             : far * kSection),
+                                                             : far * kUntypical),
                           range.start);
   } else if (logarithmic || (typical > 0 && far > kFromTypical * typical)) {
-    const double from = typical > 0 ? std::min(far, typical / kFromTypical) : far * kSection;
+    const double from = typical > 0 ? std::min(far, typical / kFromTypical) : far * kUntypical;
     const double to = typical > 0 ? std::min(far, typical * kFromTypical) : far;
     level = range.start + std::copysign(between(from, to), length);
   }

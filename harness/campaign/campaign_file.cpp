@@ -42,10 +42,10 @@ void DescribeDistribution(KeyVisitor& v, Distribution& distribution) {
                                 "[least, greatest]: the same for the number's logarithm",
                                 "Numbers or words of which each is equally likely"};
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
-    std::vector<Scalar> values;
+    std::vector<NumberOrWord> values;
     if (kKinds[i].second == distribution.kind) values = distribution.values;
     const bool was_there = !values.empty();
-    v.Scalars({kKinds[i].first, kDocs[i]}, values);
+    v.Values({kKinds[i].first, kDocs[i]}, values);
     if (values.empty() || was_there) continue;
     distribution = {kKinds[i].second, std::move(values)};
   }
@@ -178,7 +178,7 @@ class Checker {
   void CheckTime(std::string_view key, const YamlNode* node, const Distribution& distribution) {
     if (node == nullptr || distribution.values.empty()) return;
     if (!CheckShape(key, node->mark, distribution)) return;
-    for (const Scalar& value : distribution.values) {
+    for (const NumberOrWord& value : distribution.values) {
       const auto* seconds = std::get_if<double>(&value);
       if (seconds == nullptr || *seconds < 0 || *seconds > kLongest_s)
         return Complain(node->mark,
@@ -211,7 +211,7 @@ class Checker {
     if (!is_number && distribution.kind != Distribution::Kind::kChoice)
       return Complain(mark, fmt::format("{}: is a word: draw it by `choice`", info.name));
     if (!CheckShape(info.name, mark, distribution)) return;
-    for (const Scalar& value : distribution.values) {
+    for (const NumberOrWord& value : distribution.values) {
       const auto* number = std::get_if<double>(&value);
       if (is_number != (number != nullptr))
         return Complain(mark, fmt::format("{}: expected {}, found {}", info.name, is_number ? "numbers" : "words",
@@ -228,7 +228,7 @@ class Checker {
     }
   }
 
-  static std::string Text(const Scalar& value) {
+  static std::string Text(const NumberOrWord& value) {
     const auto* word = std::get_if<std::string>(&value);
     return word != nullptr ? fmt::format("'{}'", *word) : fmt::format("{}", std::get<double>(value));
   }

@@ -25,7 +25,7 @@ struct Distribution {
     kChoice,      // each of the list is equally likely
   };
   Kind kind = Kind::kUniform;
-  std::vector<Scalar> values;
+  std::vector<NumberOrWord> values;
   friend bool operator==(const Distribution&, const Distribution&) = default;
 };
 

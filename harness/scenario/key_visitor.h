@@ -79,7 +79,7 @@ struct NamedChoices {
 };
 
 // A number or a word.
-using Scalar = std::variant<double, std::string>;
+using NumberOrWord = std::variant<double, std::string>;
 
 class KeyVisitor {
  public:
@@ -107,7 +107,7 @@ class KeyVisitor {
   virtual void Point(const Key& key, std::array<double, 3>& value, Range range) = 0;
   virtual void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) = 0;
   // Numbers and words, in a list; an empty list represents a key that is absent. No scenario has such a key.
-  virtual void Scalars(const Key& /*key*/, std::vector<Scalar>& /*value*/) {}
+  virtual void Values(const Key& /*key*/, std::vector<NumberOrWord>& /*value*/) {}
   // One of several words; nullopt represents a key that is absent.
   virtual void Choice(const Key& key, std::span<const std::string_view> words,
                       std::optional<std::size_t>& index) = 0;

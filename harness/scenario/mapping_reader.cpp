@@ -280,7 +280,7 @@ void MappingReader::Texts(const Key& key, std::vector<std::string>& value, const
   }
 }
 
-void MappingReader::Scalars(const Key& key, std::vector<Scalar>& value) {
+void MappingReader::Values(const Key& key, std::vector<NumberOrWord>& value) {
   const YamlNode* node = Take(key);
   const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
   if (items == nullptr) return;

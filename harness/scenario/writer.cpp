@@ -57,11 +57,11 @@ class Writer : public KeyVisitor {
     for (const auto& point : value) points.push_back(PointText(point));
     Line(key, fmt::format("[{}]", fmt::join(points, ", ")));
   }
-  void Scalars(const Key& key, std::vector<Scalar>& value) override {
+  void Values(const Key& key, std::vector<NumberOrWord>& value) override {
     std::vector<std::string> texts;
-    for (const Scalar& scalar : value) {
-      const auto* word = std::get_if<std::string>(&scalar);
-      texts.push_back(word != nullptr ? Quoted(*word) : fmt::format("{}", std::get<double>(scalar)));
+    for (const NumberOrWord& one : value) {
+      const auto* word = std::get_if<std::string>(&one);
+      texts.push_back(word != nullptr ? Quoted(*word) : fmt::format("{}", std::get<double>(one)));
     }
     if (!texts.empty()) Line(key, fmt::format("[{}]", fmt::join(texts, ", ")));
   }
