@@ -372,9 +372,6 @@ struct CampaignStore::Impl {
     Moment& operator=(const Moment&) = delete;
     sqlite3* db;
   };
-
-  // From `from` to `to`, both included.
-  void Visit(std::int64_t from, std::int64_t to, const std::function<void(const CampaignRun&)>& visit) const;
 };
 
 namespace {
@@ -404,31 +401,47 @@ CampaignRun RunAt(Statement& row, const Texts& texts) {
 
 }  // namespace
 
-void CampaignStore::Impl::Visit(std::int64_t from, std::int64_t to,
-                                const std::function<void(const CampaignRun&)>& visit) const {
-  const Moment moment(*this);
-  Texts texts;
-  Statement all_texts = Prepare("SELECT id, value FROM text");
-  while (all_texts.Step()) texts.emplace(all_texts.Integer(0), all_texts.Text(1));
-  Statement runs = Prepare("SELECT * FROM runs WHERE number BETWEEN ? AND ? ORDER BY number");
-  Statement faults = Prepare("SELECT * FROM faults WHERE run BETWEEN ? AND ? ORDER BY run, position");
-  Statement criteria = Prepare("SELECT * FROM criteria WHERE run BETWEEN ? AND ? ORDER BY run, position");
-  bool has_fault = faults.Bind(from, to).Step(), has_criterion = criteria.Bind(from, to).Step();
-  runs.Bind(from, to);
-  while (runs.Step()) {
-    CampaignRun run = RunAt(runs, texts);
-    for (; has_fault && faults.Unsigned(0) == run.number; has_fault = faults.Step())
-      run.faults.push_back({TextAt(faults, 2, texts), TextAt(faults, 3, texts), TextAt(faults, 4, texts),
-                            faults.Real(5), faults.Real(6), faults.Real(7), faults.Integer(8)});
-    for (; has_criterion && criteria.Unsigned(0) == run.number; has_criterion = criteria.Step())
-      run.criteria.push_back({TextAt(criteria, 2, texts), TextAt(criteria, 3, texts), criteria.MaybeReal(4)});
-    visit(run);
+// Runs in the order of their numbers.
+class CampaignStore::Reader {
+ public:
+  // From `from` to `to`, both included.
+  explicit Reader(const Impl& impl, std::int64_t from = 0,
+                  std::int64_t to = std::numeric_limits<std::int64_t>::max())
+      : moment_(impl),
+        runs_(impl.Prepare("SELECT * FROM runs WHERE number BETWEEN ? AND ? ORDER BY number")),
+        faults_(impl.Prepare("SELECT * FROM faults WHERE run BETWEEN ? AND ? ORDER BY run, position")),
+        criteria_(impl.Prepare("SELECT * FROM criteria WHERE run BETWEEN ? AND ? ORDER BY run, position")) {
+    Statement texts = impl.Prepare("SELECT id, value FROM text");
+    while (texts.Step()) texts_.emplace(texts.Integer(0), texts.Text(1));
+    has_fault_ = faults_.Bind(from, to).Step();
+    has_criterion_ = criteria_.Bind(from, to).Step();
+    runs_.Bind(from, to);
   }
-}
+  std::optional<CampaignRun> Next() {
+    if (!runs_.Step()) return {};
+    CampaignRun run = RunAt(runs_, texts_);
+    for (; has_fault_ && faults_.Unsigned(0) == run.number; has_fault_ = faults_.Step())
+      run.faults.push_back({TextAt(faults_, 2, texts_), TextAt(faults_, 3, texts_),
+                            TextAt(faults_, 4, texts_), faults_.Real(5), faults_.Real(6), faults_.Real(7),
+                            faults_.Integer(8)});
+    for (; has_criterion_ && criteria_.Unsigned(0) == run.number; has_criterion_ = criteria_.Step())
+      run.criteria.push_back(
+          {TextAt(criteria_, 2, texts_), TextAt(criteria_, 3, texts_), criteria_.MaybeReal(4)});
+    return run;
+  }
+
+ private:
+  Impl::Moment moment_;
+  Statement runs_, faults_, criteria_;
+  Texts texts_;
+  bool has_fault_ = false, has_criterion_ = false;
+};
 
 CampaignStore::CampaignStore(std::filesystem::path file, Mode mode)
     : impl_(std::make_unique<Impl>(std::move(file), mode)) {}
 CampaignStore::~CampaignStore() = default;
+
+const std::filesystem::path& CampaignStore::file() const { return impl_->file; }
 
 void CampaignStore::Add(std::span<const CampaignRun> runs) {
   impl_->Write([&] {
@@ -448,13 +461,31 @@ std::vector<std::uint64_t> CampaignStore::FlownNumbers() const {
 }
 
 std::optional<CampaignRun> CampaignStore::Find(std::uint64_t number) const {
-  std::optional<CampaignRun> found;
-  impl_->Visit(Key(number), Key(number), [&](const CampaignRun& run) { found = run; });
-  return found;
+  return Reader(*impl_, Key(number), Key(number)).Next();
 }
 
 void CampaignStore::ForEach(const std::function<void(const CampaignRun&)>& visit) const {
-  impl_->Visit(0, std::numeric_limits<std::int64_t>::max(), visit);
+  Reader reader(*impl_);
+  while (const std::optional<CampaignRun> run = reader.Next()) visit(*run);
+}
+
+void CampaignStore::ForEachBeside(
+    const CampaignStore& other,
+    const std::function<void(const CampaignRun*, const CampaignRun*)>& visit) const {
+  Reader own_reader(*impl_), other_reader(*other.impl_);
+  std::optional<CampaignRun> a = own_reader.Next(), b = other_reader.Next();
+  while (a || b) {
+    const bool has_a = a && (!b || a->number <= b->number), has_b = b && (!a || b->number <= a->number);
+    visit(has_a ? &*a : nullptr, has_b ? &*b : nullptr);
+    if (has_a) a = own_reader.Next();
+    if (has_b) b = other_reader.Next();
+  }
+}
+
+std::uint64_t CampaignStore::Count() const {
+  Statement count = impl_->Prepare("SELECT count(*) FROM runs");
+  count.Step();
+  return count.Unsigned(0);
 }
 
 void CampaignStore::SetMeta(const std::string& key, const std::string& value) {

@@ -73,6 +73,7 @@ class CampaignStore {
   ~CampaignStore();
   CampaignStore(const CampaignStore&) = delete;
   CampaignStore& operator=(const CampaignStore&) = delete;
+  const std::filesystem::path& file() const;
 
   // One transaction. After an exception none of them is there, and the store can be used further. A number that is there
   // already is an error.
@@ -82,6 +83,10 @@ class CampaignStore {
   std::optional<CampaignRun> Find(std::uint64_t number) const;
   // In the order of the numbers; the memory does not grow with them.
   void ForEach(const std::function<void(const CampaignRun&)>& visit) const;
+  // The same of two campaigns at once: for each number that is in one of them, the run of each; null: it has none.
+  void ForEachBeside(const CampaignStore& other,
+                     const std::function<void(const CampaignRun*, const CampaignRun*)>& visit) const;
+  std::uint64_t Count() const;
 
   // Texts about the campaign, under any key.
   void SetMeta(const std::string& key, const std::string& value);
@@ -94,6 +99,7 @@ class CampaignStore {
 
  private:
   struct Impl;
+  class Reader;
   std::unique_ptr<Impl> impl_;
 };
 
