@@ -8,6 +8,8 @@
 #include <cmath>
 #include <map>
 #include <numeric>
+#include <set>
+#include <tuple>
 #include <utility>
 
 #include "faults/random.h"
@@ -52,12 +54,15 @@ double Draw(const Distribution& distribution, Random& random) {
 // The text in the parentheses of "always(...)" or "always[a,b](...)"; none for any other formula, and where it has time
 // operators.
 std::optional<std::string> BodyOfAlways(const std::string& formula) {
-  const auto skip = [&](std::size_t at) { return std::min(formula.find_first_not_of(" \t\n", at), formula.size()); };
+  const auto skip = [&](std::size_t at) {
+    return std::min(formula.find_first_not_of(" \t\n", at), formula.size());
+  };
   constexpr std::string_view kAlways = "always";
   std::size_t at = skip(0);
   if (formula.compare(at, kAlways.size(), kAlways) != 0) return std::nullopt;
   at = skip(at + kAlways.size());
-  if (at < formula.size() && formula[at] == '[') at = skip(std::min(formula.find(']', at), formula.size() - 1) + 1);
+  if (at < formula.size() && formula[at] == '[')
+    at = skip(std::min(formula.find(']', at), formula.size() - 1) + 1);
   if (at >= formula.size() || formula[at] != '(') return std::nullopt;
   int depth = 0;
   std::size_t end = at;
@@ -177,12 +182,13 @@ class Drawer {
   }
 
   // Words, fields and directions; everything else stays as in the type's example.
-  void DrawOther(const FaultType& type, const ParameterInfo& info, const FaultSpec& fault, ParameterValue& value) {
+  void DrawOther(const FaultType& type, const ParameterInfo& info, const FaultSpec& fault,
+                 ParameterValue& value) {
     if (info.kind == ParameterKind::kChoice && !type.IsOneOf<faults::ClockKind, faults::NodeKind>()) {
       value = std::string(info.choices[random_.Below(info.choices.size())]);
     } else if (info.kind == ParameterKind::kField) {
-      const std::vector<std::string> names = faults::FieldNames(
-          *scenario_.link.protocol, faults::ResolvedTarget(fault, type), fault.message);
+      const std::vector<std::string> names =
+          faults::FieldNames(*scenario_.link.protocol, faults::ResolvedTarget(fault, type), fault.message);
       if (!names.empty()) value = names[random_.Below(names.size())];
     } else if (info.kind == ParameterKind::kVector) {
       std::array<double, 3> direction{};
@@ -202,9 +208,11 @@ class Drawer {
   }
 
   bool Fits(const FaultSpec& fault) const {
-    const bool alone = std::all_of(scenario_.faults.begin(), scenario_.faults.end() - 1,
-                                   [&](const FaultSpec& other) { return other.id != fault.id && !Drift(other, fault); });
-    return alone && faults::Validate(fault).empty() && !faults::ProtocolProblem(fault, *scenario_.link.protocol) &&
+    const bool alone =
+        std::all_of(scenario_.faults.begin(), scenario_.faults.end() - 1,
+                    [&](const FaultSpec& other) { return other.id != fault.id && !Drift(other, fault); });
+    return alone && faults::Validate(fault).empty() &&
+           !faults::ProtocolProblem(fault, *scenario_.link.protocol) &&
            !faults::CertainOverfull(scenario_.faults, scenario_.duration_ns, *scenario_.link.protocol);
   }
 
@@ -219,12 +227,14 @@ class Drawer {
     noted.id = fault.id;
     noted.type = fault.type;
     noted.place = place.name;
-    noted.start_s = ToSeconds(std::max<TimeNs>(window.begin_ns, 0));
-    noted.end_s = ToSeconds(std::min(window.end_ns, scenario_.duration_ns));
+    const TimeNs begin_ns = std::max<TimeNs>(window.begin_ns, 0);
+    const TimeNs end_ns = std::min(window.end_ns, scenario_.duration_ns);
+    noted.start_s = ToSeconds(begin_ns);
+    noted.end_s = ToSeconds(end_ns);
     if (place.severity)
       noted.severity = std::get<double>(fault.parameters.at(place.severity->parameter));
     else if (type.has_severity())
-      noted.severity = noted.end_s - noted.start_s;
+      noted.severity = ToSeconds(end_ns - begin_ns);
   }
 
   const DrawSpec& spec_;
@@ -239,7 +249,8 @@ class Drawer {
 double LevelAt(const LevelRange& range, double share) {
   const bool logarithmic = range.scale == faults::Scale::kLogarithmic;
   const double length = range.end - range.start, far = std::abs(length);
-  const double typical = range.typical ? std::abs(*range.typical - range.harmless.value_or(range.start)) : 0.0;
+  const double typical =
+      range.typical ? std::abs(*range.typical - range.harmless.value_or(range.start)) : 0.0;
   const auto between = [&](double from, double to) { return from * pow(to / from, share); };
   double level = range.start + share * length;
   if (logarithmic && range.start * range.end > 0) {
@@ -251,10 +262,11 @@ double LevelAt(const LevelRange& range, double share) {
     };
     level = between(near_typical(range.start), near_typical(range.end));
   } else if (logarithmic && range.end == 0) {
-    level = std::copysign(between(std::abs(range.start), range.typical && *range.typical != 0
-                                                             ? std::min(far, std::abs(*range.typical) / kFromTypical)
-                                                             : far * kUntypical),
-                          range.start);
+    level = std::copysign(
+        between(std::abs(range.start), range.typical && *range.typical != 0
+                                           ? std::min(far, std::abs(*range.typical) / kFromTypical)
+                                           : far * kUntypical),
+        range.start);
   } else if (logarithmic || (typical > 0 && far > kFromTypical * typical)) {
     const double from = typical > 0 ? std::min(far, typical / kFromTypical) : far * kUntypical;
     const double to = typical > 0 ? std::min(far, typical * kFromTypical) : far;
@@ -273,8 +285,8 @@ Scenario WithRecovery(const Scenario& scenario, double recover_s) {
   return recovered;
 }
 
-std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenario, const VehicleSignals& signals,
-                                   std::span<const EnvelopeRow> rows) {
+std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenario,
+                                   const VehicleSignals& signals, std::span<const EnvelopeRow> rows) {
   FaultSpec placeholder;
   placeholder.id = "draw-1";
   placeholder.type = kPlaceholderType;
@@ -284,11 +296,11 @@ std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenari
   with_placeholder.faults = {placeholder};
   std::vector<DrawType> types;
   for (const EnvelopeRow& row : rows) {
-    const bool wanted = spec.types.empty() ? IsOfUse(*row.type)
-                                           : std::any_of(spec.types.begin(), spec.types.end(),
-                                                         [&](const std::string& pattern) {
-                                                           return MatchesType(pattern, row.type->name);
-                                                         });
+    const bool wanted =
+        spec.types.empty()
+            ? IsOfUse(*row.type)
+            : std::any_of(spec.types.begin(), spec.types.end(),
+                          [&](const std::string& pattern) { return MatchesType(pattern, row.type->name); });
     if (!wanted) continue;
     const Scenario with_fault = WithRow(with_placeholder, row, signals);
     DrawPlace place{.name = row.place, .fault = with_fault.faults.front(), .severity = {}};
@@ -315,6 +327,71 @@ DrawnRun DrawRun(const CampaignPlan& plan, std::uint64_t number) {
       faults::KeyOf(faults::StreamKey(seed, {"campaign", "flight"}), draw) >> (64 - kSeedBits);
   if (!plan.spec.firmware.empty()) run.scenario.FlyFirmware(plan.spec.firmware[number % builds]);
   return run;
+}
+
+namespace {
+
+// The levels at the ends of the bands.
+std::vector<double> BandLevels(const CampaignPlan& plan, const DrawBase& base, const DrawType& type,
+                               const DrawPlace& place, const std::string& parameter) {
+  const auto at = [](double from, double to, double share, bool logarithmic) {
+    return logarithmic ? from * pow(to / from, share) : from + share * (to - from);
+  };
+  const Distribution* chosen = nullptr;
+  if (const auto own = plan.spec.draw.parameters.find(std::string(type.type->name));
+      own != plan.spec.draw.parameters.end())
+    if (const auto found = own->second.find(parameter); found != own->second.end()) chosen = &found->second;
+  if (!place.severity && plan.spec.draw.length_s) chosen = &*plan.spec.draw.length_s;
+  const double shortest_s = ToSeconds(base.scenario.link.protocol->control_period_ns);
+  std::vector<double> levels;
+  for (std::size_t i = 0; i <= kBandsCount; ++i) {
+    const double share = static_cast<double>(i) / kBandsCount;
+    if (chosen != nullptr) {
+      const auto numbers = [](const NumberOrWord& a, const NumberOrWord& b) {
+        return std::get<double>(a) < std::get<double>(b);
+      };
+      const auto [least, greatest] =
+          std::minmax_element(chosen->values.begin(), chosen->values.end(), numbers);
+      levels.push_back(at(std::get<double>(*least), std::get<double>(*greatest), share,
+                          chosen->kind == Distribution::Kind::kLogUniform));
+    } else if (place.severity) {
+      levels.push_back(LevelAt(place.severity->range, share));
+    } else {
+      levels.push_back(at(shortest_s, ToSeconds(base.scenario.duration_ns), share, true));
+    }
+  }
+  return levels;
+}
+
+}  // namespace
+
+CampaignFrame MakeFrame(const CampaignPlan& plan) {
+  CampaignFrame frame;
+  frame.campaign = plan.spec.name;
+  frame.seed = static_cast<std::uint64_t>(plan.spec.seed);
+  frame.runs_count = static_cast<std::uint64_t>(plan.spec.runs_count);
+  std::set<std::tuple<std::string, std::string, bool>> known;
+  for (const DrawBase& base : plan.bases) {
+    frame.durations_s[base.scenario.name] = ToSeconds(base.scenario.duration_ns);
+    for (const DrawType& type : base.types) {
+      for (const DrawPlace& place : type.places) {
+        CampaignRange range;
+        range.type = type.type->name;
+        range.place = place.name;
+        if (place.severity) {
+          range.parameter = place.severity->parameter;
+          range.unit = place.severity->unit;
+        } else if (type.type->has_severity()) {
+          range.parameter = kWindowParameter;
+          range.unit = "s";
+        }
+        if (!range.parameter.empty()) range.levels = BandLevels(plan, base, type, place, range.parameter);
+        const bool rises = range.levels.empty() || range.levels.back() >= range.levels.front();
+        if (known.emplace(range.type, range.place, rises).second) frame.ranges.push_back(std::move(range));
+      }
+    }
+  }
+  return frame;
 }
 
 }  // namespace tiltproof::harness

@@ -21,6 +21,7 @@
 
 #include "harness/campaign/campaign_file.h"
 #include "harness/campaign/campaign_store.h"
+#include "harness/campaign/campaign_summary.h"
 #include "harness/campaign/envelope_rows.h"
 #include "harness/campaign/fault_level.h"
 #include "harness/scenario/scenario.h"
@@ -30,9 +31,9 @@ namespace tiltproof::harness {
 
 // A fault type at one place.
 struct DrawPlace {
-  std::string name;                   // "to_client", "z_m"; empty: the type has one place only
-  faults::FaultSpec fault;            // there, with the parameters of the type's example
-  std::optional<Severity> severity;   // none: the length of the window measures it, or nothing does
+  std::string name;                  // "to_client", "z_m"; empty: the type has one place only
+  faults::FaultSpec fault;           // there, with the parameters of the type's example
+  std::optional<Severity> severity;  // none: the length of the window measures it, or nothing does
 };
 struct DrawType {
   const faults::FaultType* type = nullptr;
@@ -74,5 +75,8 @@ DrawnRun DrawRun(const CampaignPlan& plan, std::uint64_t number);
 // and where the range ends only at the largest number allowed, levels are from a hundredth of the typical distance to a
 // hundred times that.
 double LevelAt(const LevelRange& range, double share);
+
+// What the rows of a campaign are compared with: the bands of each severity have equal shares of the way.
+CampaignFrame MakeFrame(const CampaignPlan& plan);
 
 }  // namespace tiltproof::harness

@@ -73,7 +73,8 @@ void DescribeParameters(KeyVisitor& v, std::map<std::string, std::map<std::strin
   }
 }
 
-constexpr TextRule kPattern = {"[a-z0-9_.*?\\[\\]-]+", "a fault type, or a pattern of several: sensor.*", 100};
+constexpr TextRule kPattern = {"[a-z0-9_.*?\\[\\]-]+", "a fault type, or a pattern of several: sensor.*",
+                               100};
 constexpr TextRule kBuildRule = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
 
 void DescribeDraw(KeyVisitor& v, DrawSpec& draw) {
@@ -87,11 +88,13 @@ void DescribeDraw(KeyVisitor& v, DrawSpec& draw) {
   v.Section({"parameters", "Distributions of parameters, by fault type"},
             [&](KeyVisitor& w) { DescribeParameters(w, draw.parameters); });
   DescribeMaybe(v, {"start_s", "When a fault begins; absent: uniformly in the flight"}, draw.start_s);
-  DescribeMaybe(v, {"length_s", "How long a fault lasts; absent: from one control period to the flight's end"},
+  DescribeMaybe(v,
+                {"length_s", "How long a fault lasts; absent: from one control period to the flight's end"},
                 draw.length_s);
-  v.MaybeNumber({"recover_s",
-                 "Every fault ends so long before the flight does, and the criteria must hold again at the end"},
-                draw.recover_s, {0, kLongest_s});
+  v.MaybeNumber(
+      {"recover_s",
+       "Every fault ends so long before the flight does, and the criteria must hold again at the end"},
+      draw.recover_s, {0, kLongest_s});
 }
 
 void DescribeCampaign(KeyVisitor& v, CampaignSpec& spec) {
@@ -120,9 +123,9 @@ class Checker {
     CheckLists();
     CheckTypes(ValueOf(draw, "types"));
     if (spec_.draw.faults_count_min > spec_.draw.faults_count_max)
-      Complain(PlaceOf(root_, "draw.faults_count.min"),
-               fmt::format("min: {} is above max, {}", spec_.draw.faults_count_min,
-                           spec_.draw.faults_count_max));
+      Complain(
+          PlaceOf(root_, "draw.faults_count.min"),
+          fmt::format("min: {} is above max, {}", spec_.draw.faults_count_min, spec_.draw.faults_count_max));
     if (spec_.draw.start_s) CheckTime("start_s", ValueOf(draw, "start_s"), *spec_.draw.start_s);
     if (spec_.draw.length_s) CheckTime("length_s", ValueOf(draw, "length_s"), *spec_.draw.length_s);
     CheckParameters(ValueOf(draw, "parameters"));
@@ -168,8 +171,9 @@ class Checker {
       return false;
     }
     if (distribution.kind == Distribution::Kind::kLogUniform && least * greatest <= 0) {
-      Complain(mark, fmt::format("{}: log_uniform needs two numbers above 0, or two below it; found {} and {}",
-                                 key, least, greatest));
+      Complain(mark,
+               fmt::format("{}: log_uniform needs two numbers above 0, or two below it; found {} and {}", key,
+                           least, greatest));
       return false;
     }
     return true;
@@ -181,8 +185,8 @@ class Checker {
     for (const NumberOrWord& value : distribution.values) {
       const auto* seconds = std::get_if<double>(&value);
       if (seconds == nullptr || *seconds < 0 || *seconds > kLongest_s)
-        return Complain(node->mark,
-                        fmt::format("{}: expected seconds from 0 to {}, found {}", key, kLongest_s, Text(value)));
+        return Complain(node->mark, fmt::format("{}: expected seconds from 0 to {}, found {}", key,
+                                                kLongest_s, Text(value)));
     }
   }
 
@@ -214,16 +218,16 @@ class Checker {
     for (const NumberOrWord& value : distribution.values) {
       const auto* number = std::get_if<double>(&value);
       if (is_number != (number != nullptr))
-        return Complain(mark, fmt::format("{}: expected {}, found {}", info.name, is_number ? "numbers" : "words",
-                                          Text(value)));
+        return Complain(mark, fmt::format("{}: expected {}, found {}", info.name,
+                                          is_number ? "numbers" : "words", Text(value)));
       if (is_number && (*number < info.min || *number > info.max))
         return Complain(mark, fmt::format("{}: {} is out of range; must be from {} to {}", info.name, *number,
                                           info.min, info.max));
       if (info.kind == ParameterKind::kChoice) {
         const auto& word = std::get<std::string>(value);
         if (std::find(info.choices.begin(), info.choices.end(), word) == info.choices.end())
-          return Complain(mark, fmt::format("{}: unknown value '{}'{}", info.name, word,
-                                            DidYouMean(word, info.choices)));
+          return Complain(
+              mark, fmt::format("{}: unknown value '{}'{}", info.name, word, DidYouMean(word, info.choices)));
       }
     }
   }
@@ -263,7 +267,8 @@ CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path&
   reader.Finish();
   Checker(root, spec, problems).Run();
   if (!problems.empty()) ThrowProblems(file, std::move(problems));
-  for (auto& [type, drawn] : spec.draw.parameters) std::erase_if(drawn, [](const auto& one) { return one.second.values.empty(); });
+  for (auto& [type, drawn] : spec.draw.parameters)
+    std::erase_if(drawn, [](const auto& one) { return one.second.values.empty(); });
   std::erase_if(spec.draw.parameters, [](const auto& one) { return one.second.empty(); });
   for (std::string& scenario : spec.scenarios)
     scenario = std::filesystem::absolute(file.parent_path() / scenario).lexically_normal().string();

@@ -39,20 +39,22 @@ KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& opti
   std::vector<FlightJob> jobs;
   for (FlightToKeep& flight : flights) {
     const std::filesystem::path own = flight.folder / flight.job.name;
-    std::filesystem::remove_all(flight.folder);
+    std::filesystem::remove_all(own);
     std::filesystem::create_directories(flight.folder);
-    WriteFile(flight.folder / "scenario.yaml", WriteResolved(flight.job.scenario));
+    if (!std::filesystem::exists(flight.folder / "scenario.yaml"))
+      WriteFile(flight.folder / "scenario.yaml", WriteResolved(flight.job.scenario));
     flight.job.recorder = RecorderIn(own, Keep::kAll);
     flight.job.replay = fmt::format("{} replay {}", options.command.front(), own.string());
     records.try_emplace(flight.job.name, flight.folder, RunOf(flight.job, options), std::vector{flight.job});
     folders[flight.job.name] = flight.folder;
     jobs.push_back(std::move(flight.job));
   }
-  FlownFlights flown = RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
-                                                    .progress = !options.no_progress,
-                                                    .on_finished = [&](const FlightJob& job, const FlightResult& result) {
-                                                      records.at(job.name).Take(job, result);
-                                                    }});
+  FlownFlights flown =
+      RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
+                                   .progress = !options.no_progress,
+                                   .on_finished = [&](const FlightJob& job, const FlightResult& result) {
+                                     records.at(job.name).Take(job, result);
+                                   }});
   for (auto& [name, record] : records) {
     record.Finish(flown.interrupted, "not flown: the campaign was interrupted");
     if (!options.no_report) WriteReport(folders.at(name));

@@ -22,7 +22,8 @@ struct KeptRuns {
   bool interrupted = false;
 };
 
-// Replaces what is in the folders. Writes a report into each, if the options want it.
+// Replaces flights of the same names. Also writes the run's files into each folder, the scenario where there is none, and a
+// report, if the options want it.
 KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& options);
 
 // The run's number as the name of its flight: "run-17".

@@ -35,10 +35,11 @@ std::optional<std::uint64_t> Whole(std::string_view text) {
 
 CampaignSpec ReadSpec(const CampaignOptions& options) {
   CampaignSpec spec;
-  const bool has_file =
-      std::any_of(options.paths.begin(), options.paths.end(), [](const auto& path) { return IsCampaignFile(path); });
+  const bool has_file = std::any_of(options.paths.begin(), options.paths.end(),
+                                    [](const auto& path) { return IsCampaignFile(path); });
   if (has_file && options.paths.size() > 1)
-    throw UsageError("campaign: takes one campaign file, or scenarios: a campaign file names its scenarios itself");
+    throw UsageError(
+        "campaign: takes one campaign file, or scenarios: a campaign file names its scenarios itself");
   if (has_file) {
     try {
       spec = ReadCampaignFile(options.paths.front());
@@ -100,8 +101,7 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
   for (const EnvelopeRow& row : possible) campaign.left_out.erase(std::string(row.type->name));
   DrawBase& added = campaign.plan.bases.emplace_back();
   added.model = base.model;
-  added.scenario =
-      spec.draw.recover_s ? WithRecovery(base.scenario, *spec.draw.recover_s) : base.scenario;
+  added.scenario = spec.draw.recover_s ? WithRecovery(base.scenario, *spec.draw.recover_s) : base.scenario;
   // A campaign asks which flights fail, and each scenario passes without drawn faults.
   added.scenario.expect = {};
   added.scenario.description.clear();
@@ -109,7 +109,8 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
   added.types = PrepareTypes(spec.draw, added.scenario, signals, possible);
   if (spec.draw.recover_s && FromSeconds(*spec.draw.recover_s) >= base.scenario.duration_ns)
     throw UsageError(fmt::format("draw.recover_s: {} leaves no time for faults in {}, which lasts {} s",
-                                 *spec.draw.recover_s, base.scenario.name, ToSeconds(base.scenario.duration_ns)));
+                                 *spec.draw.recover_s, base.scenario.name,
+                                 ToSeconds(base.scenario.duration_ns)));
   if (added.types.empty())
     throw UsageError(fmt::format("campaign: {}: this client can take no fault of the types that are drawn{}",
                                  base.scenario.name,
@@ -122,9 +123,10 @@ void CheckTimes(const CampaignSpec& spec, const Scenario& scenario) {
   const auto& values = spec.draw.start_s->values;
   if (std::all_of(values.begin(), values.end(),
                   [&](const NumberOrWord& value) { return std::get<double>(value) >= latest_s; }))
-    throw UsageError(fmt::format("draw.start_s: every fault would begin after {} s, when no fault of {} may act any "
-                                 "more",
-                                 latest_s, scenario.name));
+    throw UsageError(
+        fmt::format("draw.start_s: every fault would begin after {} s, when no fault of {} may act any "
+                    "more",
+                    latest_s, scenario.name));
 }
 
 }  // namespace
@@ -165,12 +167,14 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options) {
     AddTypes(base, spec, campaign);
   }
   campaign.meta[kSpecKey] = WriteCampaign(spec);
+  campaign.meta[kFrameKey] = ToJsonText(MakeFrame(campaign.plan));
   campaign.meta["seed"] = std::to_string(spec.seed);
   campaign.meta["runs_count"] = std::to_string(spec.runs_count);
   campaign.meta["version"] = Version();
   campaign.meta["build"] = BuildOf(campaign.means.clients);
   campaign.meta[kClientKey] = ToText(campaign.means.clients.all);
-  for (const auto& [id, client] : campaign.means.clients.by_id) campaign.meta[kClientPrefix + id] = ToText(client);
+  for (const auto& [id, client] : campaign.means.clients.by_id)
+    campaign.meta[kClientPrefix + id] = ToText(client);
   campaign.meta[kShardKey] = fmt::format("{}/{}", campaign.shard.number, campaign.shard.count);
   return campaign;
 }
@@ -189,7 +193,8 @@ LoadedCampaign ReopenCampaign(const CampaignStore& store) {
     campaign.plan.spec = ParseCampaign(value(kSpecKey), "campaign.sqlite: campaign");
     std::vector<std::string> clients = {value(kClientKey)};
     for (const auto& [key, text] : campaign.meta)
-      if (key.starts_with(kClientPrefix)) clients.push_back(key.substr(std::string(kClientPrefix).size()) + "=" + text);
+      if (key.starts_with(kClientPrefix))
+        clients.push_back(key.substr(std::string(kClientPrefix).size()) + "=" + text);
     campaign.means = LockstepMeans(ReadClientFlags(clients), "campaign");
     CheckReady(campaign.means);
     for (std::size_t i = 0; i < campaign.plan.spec.scenarios.size(); ++i) {

@@ -43,7 +43,7 @@ struct LoadedCampaign {
   CampaignPlan plan;
   FlightMeans means;
   Shard shard;
-  std::map<std::string, std::string> meta;  // for the database: all that ReopenCampaign() needs
+  std::map<std::string, std::string> meta;      // for the database: all that ReopenCampaign() needs
   std::map<std::string, std::string> left_out;  // fault types that this client cannot take, with the reason
 };
 

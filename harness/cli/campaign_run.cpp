@@ -1,6 +1,7 @@
 #include "harness/cli/campaign_run.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <chrono>
@@ -8,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "harness/campaign/campaign_failures.h"
 #include "harness/campaign/campaign_flights.h"
 #include "harness/campaign/campaign_signature.h"
 #include "harness/cli/campaign_flown.h"
@@ -29,6 +31,8 @@ using CampaignClock = std::chrono::steady_clock;
 // One transaction holds so many runs, or those of so long.
 constexpr std::size_t kBatchMax = 256;
 constexpr std::chrono::seconds kBatchTime{1};
+// Flights are kept of so many signatures: one takes some megabytes.
+constexpr std::size_t kKeptMax = 100;
 // Between two lines of progress where there is no terminal.
 constexpr std::chrono::seconds kPlainTime{10};
 
@@ -101,11 +105,11 @@ class CampaignWork {
 
   // The exit code.
   int Run() {
-    for (const auto& [type, reason] : campaign_.left_out)
-      Tell(fmt::format("{} is not drawn: {}", type, reason));
+    TellLeftOut();
     if (!FlyRuns()) return kExitError;
     if (interrupted()) return Interrupted();
     if (const int code = KeepFailures(); code != kExitGreen) return code;
+    WriteSummary(store_, folder_);
     Report();
     if (progress_.errors_count() > 0) return kExitError;
     return progress_.failures_count() > 0 ? kExitNotGreen : kExitGreen;
@@ -117,6 +121,14 @@ class CampaignWork {
   void Tell(const std::string& text) {
     line_.Clear();
     PrintLine(stderr, 0, "tiltproof: " + text);
+  }
+
+  void TellLeftOut() {
+    std::vector<std::string> types;
+    for (const auto& [type, reason] : campaign_.left_out) types.push_back(type);
+    if (!types.empty())
+      Tell(fmt::format("not drawn, because this client, vehicle or protocol cannot have them: {}",
+                       fmt::join(types, ", ")));
   }
 
   std::string HowToGoOn() const {
@@ -135,7 +147,8 @@ class CampaignWork {
       if (!HasEnough()) flights.Fly([this] { return progress_.Next(); });
       Flush();
     } catch (const FileError& error) {
-      Tell(fmt::format("campaign: {}; what was stored before is kept. Make room, and {}", error.what(), HowToGoOn()));
+      Tell(fmt::format("campaign: {}; what was stored before is kept. Make room, and {}", error.what(),
+                       HowToGoOn()));
       return false;
     }
     line_.Clear();
@@ -154,7 +167,8 @@ class CampaignWork {
     if (stop.failures_count > 0 &&
         progress_.failures_count() >= static_cast<std::uint64_t>(stop.failures_count))
       return true;
-    return stop.wall_s && CampaignClock::now() - progress_.begin() >= std::chrono::duration<double>(*stop.wall_s);
+    return stop.wall_s &&
+           CampaignClock::now() - progress_.begin() >= std::chrono::duration<double>(*stop.wall_s);
   }
 
   void Turn() {
@@ -173,26 +187,29 @@ class CampaignWork {
   }
 
   int Interrupted() {
-    Tell(fmt::format("interrupted after {} of {} runs; {}", progress_.done_count(), progress_.total(), HowToGoOn()));
+    Tell(fmt::format("interrupted after {} of {} runs; {}", progress_.done_count(), progress_.total(),
+                     HowToGoOn()));
     return kExitInterrupted;
   }
 
-  // Flies the first failure of each signature once more, for its files.
+  // Finds the smallest form of the failures, and flies the first of each signature once more, for its files.
   int KeepFailures() {
-    std::vector<FirstFailure> first;
-    std::map<std::uint64_t, std::string> hashes;
-    store_.ForEach([&](const CampaignRun& run) {
-      if (run.signature.empty()) return;
-      first.push_back({run.number, run.signature});
-      hashes[run.number] = run.trace_hash;
-    });
-    const std::vector<CampaignFailure> failures = FinalFailures(first);
-    store_.PutFailures(failures);
+    MinimiseFailures(store_, folder_, [](std::uint64_t) { return std::nullopt; });
+    const std::vector<CampaignFailure> failures = store_.Failures();
+    // The first failure of each of the most frequent signatures.
+    std::map<std::string, std::size_t> counts;
+    for (const CampaignFailure& failure : failures) ++counts[failure.signature];
+    std::vector<std::size_t> sizes;
+    for (const auto& [signature, count] : counts) sizes.push_back(count);
+    std::sort(sizes.rbegin(), sizes.rend());
+    const std::size_t least = sizes.size() > kKeptMax ? sizes[kKeptMax - 1] : 0;
     std::set<std::string> kept;
     std::vector<FlightToKeep> flights;
     for (const CampaignFailure& failure : failures) {
+      if (counts.at(failure.signature) < least || kept.size() == kKeptMax) continue;
       const std::filesystem::path folder = folder_ / "failures" / failure.signature;
-      if (!kept.insert(failure.signature).second || std::filesystem::exists(folder / "results.json")) continue;
+      if (!kept.insert(failure.signature).second || std::filesystem::exists(folder / "results.json"))
+        continue;
       FlightJob job = JobOf(campaign_.plan, campaign_.means, DrawRun(campaign_.plan, failure.run));
       job.name = RunName(failure.run);
       flights.push_back({folder, std::move(job)});
@@ -201,9 +218,10 @@ class CampaignWork {
     if (flown.interrupted) return Interrupted();
     for (const FlightResult& result : flown.results) {
       const std::uint64_t number = std::stoull(result.name.substr(RunName(0).size() - 1));
-      if (result.trace_hash == hashes.at(number)) continue;
-      Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}", number,
-                       result.trace_hash, hashes.at(number)));
+      const std::string stored = store_.Find(number)->trace_hash;
+      if (result.trace_hash == stored) continue;
+      Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
+                       number, result.trace_hash, stored));
       return kExitError;
     }
     return kExitGreen;
@@ -244,15 +262,18 @@ std::optional<int> CheckBases(const CampaignOptions& options, const LoadedCampai
       if (!build.empty()) job.scenario.FlyFirmware(build);
     }
   }
-  const FlownFlights flown = RunFlights(jobs, {.jobs_count = options.jobs_count, .progress = !options.no_progress});
+  const FlownFlights flown =
+      RunFlights(jobs, {.jobs_count = options.jobs_count, .progress = !options.no_progress});
   if (flown.interrupted) return kExitInterrupted;
   std::optional<int> code;
   for (const FlightResult& result : flown.results) {
     if (Survived(result.score)) continue;
-    PrintLine(stderr, 0,
-              fmt::format("tiltproof: campaign: {} is {} without any drawn fault: {}; a campaign needs scenarios that "
-                          "pass by themselves",
-                          result.name, Name(result.score.verdict), result.score.reason));
+    PrintLine(
+        stderr, 0,
+        fmt::format(
+            "tiltproof: campaign: {} is {} without any drawn fault: {}; a campaign needs scenarios that "
+            "pass by themselves",
+            result.name, Name(result.score.verdict), result.score.reason));
     code = result.score.verdict == Verdict::kError ? kExitError : kExitNotGreen;
   }
   return code;
@@ -263,15 +284,17 @@ void CheckSameBuild(const LoadedCampaign& campaign, const std::filesystem::path&
   const std::string build = BuildOf(campaign.means.clients);
   const auto began = campaign.meta.find("build");
   if (began == campaign.meta.end() || began->second == build) return;
-  throw UsageError(fmt::format("--resume {}: the campaign was begun by another build of tiltproof or of the firmware "
-                               "({}; this one is {}): its runs would not be comparable. Begin another campaign with "
-                               "--out",
-                               folder.string(), began->second, build));
+  throw UsageError(
+      fmt::format("--resume {}: the campaign was begun by another build of tiltproof or of the firmware "
+                  "({}; this one is {}): its runs would not be comparable. Begin another campaign with "
+                  "--out",
+                  folder.string(), began->second, build));
 }
 
 CampaignStore OpenToRead(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(DatabaseOf(folder)))
-    throw UsageError(fmt::format("{}: there is no campaign in this folder (no campaign.sqlite)", folder.string()));
+    throw UsageError(
+        fmt::format("{}: there is no campaign in this folder (no campaign.sqlite)", folder.string()));
   return CampaignStore(DatabaseOf(folder), CampaignStore::Mode::kRead);
 }
 
@@ -289,8 +312,9 @@ int FlyCampaign(const CampaignOptions& options) {
     return CampaignWork(options, options.resume, std::move(campaign), store).Run();
   }
   if (std::filesystem::exists(DatabaseOf(options.out)))
-    throw UsageError(fmt::format("{} holds a campaign already: go on with it (--resume {}), or choose another --out",
-                                 options.out.string(), options.out.string()));
+    throw UsageError(
+        fmt::format("{} holds a campaign already: go on with it (--resume {}), or choose another --out",
+                    options.out.string(), options.out.string()));
   LoadedCampaign campaign = PlanCampaign(options);
   if (const auto code = CheckBases(options, campaign)) return *code;
   std::filesystem::create_directories(options.out);
@@ -306,12 +330,13 @@ int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
   const LoadedCampaign campaign = ReopenCampaign(store);
   const auto runs_count = static_cast<std::uint64_t>(campaign.plan.spec.runs_count);
   if (number >= runs_count)
-    throw UsageError(fmt::format("campaign show: there is no run {}: the {} runs count from 0", number, runs_count));
+    throw UsageError(
+        fmt::format("campaign show: there is no run {}: the {} runs count from 0", number, runs_count));
   const DrawnRun drawn = DrawRun(campaign.plan, number);
   const std::filesystem::path own = folder / "runs" / std::to_string(number);
   for (const CampaignFault& fault : drawn.faults)
-    Print(stdout, "{}: {}{}{} severity {:g}, {:g} to {:g} s\n", fault.id, fault.type, fault.place.empty() ? "" : " ",
-          fault.place, fault.severity, fault.start_s, fault.end_s);
+    Print(stdout, "{}: {}{}{} severity {:g}, {:g} to {:g} s\n", fault.id, fault.type,
+          fault.place.empty() ? "" : " ", fault.place, fault.severity, fault.start_s, fault.end_s);
   FlightJob job = JobOf(campaign.plan, campaign.means, drawn);
   job.name = RunName(number);
   const KeptRuns flown = KeepRuns({{own, std::move(job)}}, options);
@@ -331,12 +356,13 @@ int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
   }
   const std::string build = BuildOf(campaign.means.clients);
   const auto began = campaign.meta.find("build");
-  PrintLine(stderr, 0,
-            fmt::format("tiltproof: campaign show: this is another flight: its trace hash is {}, and was {}{}",
-                        result.trace_hash, stored->trace_hash,
-                        began != campaign.meta.end() && began->second != build
-                            ? "; the campaign was flown by another build of tiltproof or of the firmware"
-                            : ""));
+  PrintLine(
+      stderr, 0,
+      fmt::format("tiltproof: campaign show: this is another flight: its trace hash is {}, and was {}{}",
+                  result.trace_hash, stored->trace_hash,
+                  began != campaign.meta.end() && began->second != build
+                      ? "; the campaign was flown by another build of tiltproof or of the firmware"
+                      : ""));
   return kExitError;
 }
 
@@ -359,8 +385,7 @@ int CampaignStatus(const std::filesystem::path& folder) {
   Print(stdout, "campaign {}: {} of {} runs{}, {} failed in {} way{}\n", spec.name, done, total,
         shard.count > 1 ? fmt::format(" of shard {}", text("shard")) : "", failed, signatures.size(),
         signatures.size() == 1 ? "" : "s");
-  if (done < total)
-    Print(stdout, "it can go on: tiltproof campaign --resume {}\n", folder.string());
+  if (done < total) Print(stdout, "it can go on: tiltproof campaign --resume {}\n", folder.string());
   return kExitGreen;
 }
 

@@ -109,7 +109,6 @@ EnvelopeColumn IdentityOf(const FirmwareColumn& column) {
           BuildOf(column.means.clients)};
 }
 
-
 // "frame.delay" or "frame.delay:to_client".
 EnvelopeRow MapRow(const std::string& text, const VehicleSignals& signals) {
   const std::size_t colon = text.find(':');
