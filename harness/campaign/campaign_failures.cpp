@@ -121,8 +121,8 @@ class Merger {
       store_->Add(batch);
       batch.clear();
     };
-    // What is there already was read before anything is added: both readers see one moment.
-    std::vector<std::uint64_t> known = store_->FlownNumbers();
+    // Runs of this shard cannot be twice in it: only earlier shards matter.
+    const std::vector<std::uint64_t> known = store_->FlownNumbers();
     store.ForEach([&](const CampaignRun& run) {
       if (std::binary_search(known.begin(), known.end(), run.number)) {
         CheckSame(*store_->Find(run.number), run, shard);

@@ -29,7 +29,7 @@ using Minimiser = std::function<std::optional<MinimalForm>(std::uint64_t run)>;
 // every failure its final signature. What an earlier call minimised is kept. Throws FileError.
 void MinimiseFailures(CampaignStore& store, const std::filesystem::path& folder, const Minimiser& minimise);
 
-// campaign.json and campaign.html, from what the store holds.
+// campaign.json, from what the store holds.
 void WriteSummary(const CampaignStore& store, const std::filesystem::path& folder);
 
 // Merges the shards of one campaign: folders with a campaign.sqlite. `folder` is created, or has no campaign yet; it

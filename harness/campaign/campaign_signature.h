@@ -53,7 +53,7 @@ class MinimisedChooser {
 struct FirstFailure {
   std::uint64_t run = 0;
   std::string first_signature;
-  // Of the minimised: the final signature, and the scenario's file.
+  // Only for those that were minimised.
   std::optional<CampaignFailure> minimised{};
 };
 

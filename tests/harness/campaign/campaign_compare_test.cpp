@@ -43,7 +43,7 @@ TEST(DifferenceOf, HasTheExactProbabilityOfMcNemar) {
       EXPECT_NEAR(DifferenceOf(counts).p, p, 1e-9) << b << " " << c;
     }
   }
-  // Of many pairs: near the normal distribution's.
+  // Many pairs: near the normal distribution's.
   EXPECT_NEAR(DifferenceOf({.only_first = 500'000, .only_second = 501'000}).p,
               std::erfc(999 / std::sqrt(2.0 * 1'001'000)), 1e-5);
   EXPECT_EQ(DifferenceOf({}).p, 1.0);
