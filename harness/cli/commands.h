@@ -49,6 +49,7 @@ void RegisterCompare(CLI::App& program, CommandLine& line);
 void RegisterMargin(CLI::App& program, CommandLine& line);
 void RegisterEnvelope(CLI::App& program, CommandLine& line);
 void RegisterCampaign(CLI::App& program, CommandLine& line);
+void RegisterWhy(CLI::App& program, CommandLine& line);
 void RegisterFuzz(CLI::App& program, CommandLine& line);
 void RegisterVehicle(CLI::App& program, CommandLine& line);
 void RegisterDesignLqr(CLI::App& program, CommandLine& line);
