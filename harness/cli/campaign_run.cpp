@@ -17,6 +17,7 @@
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/report/files.h"
 #include "harness/score/headline.h"
@@ -110,6 +111,7 @@ class CampaignWork {
     if (interrupted()) return Interrupted();
     if (const int code = KeepFailures(); code != kExitGreen) return code;
     WriteSummary(store_, folder_);
+    if (!options_.no_report) WriteCampaignReport(folder_, options_.command.front());
     Report();
     if (progress_.errors_count() > 0) return kExitError;
     return progress_.failures_count() > 0 ? kExitNotGreen : kExitGreen;
