@@ -13,7 +13,7 @@ namespace {
 
 constexpr auto kRegistrations = {
     RegisterRun,      RegisterCheck,     RegisterNew,     RegisterFaults, RegisterReplay,   RegisterScore,
-    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterEnvelope, RegisterFuzz,
+    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterMinimise, RegisterEnvelope, RegisterFuzz,
     RegisterVehicle,  RegisterDesignLqr, RegisterNode,    RegisterDoctor, RegisterFrame,    RegisterLinkDump,
     RegisterProtocol, RegisterIntegrity, RegisterManual};
 
