@@ -299,12 +299,7 @@ std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenari
   with_placeholder.faults = {placeholder};
   std::vector<DrawType> types;
   for (const EnvelopeRow& row : rows) {
-    const bool wanted =
-        spec.types.empty()
-            ? IsOfUse(*row.type)
-            : std::any_of(spec.types.begin(), spec.types.end(),
-                          [&](const std::string& pattern) { return MatchesType(pattern, row.type->name); });
-    if (!wanted) continue;
+    if (!IsDrawn(spec, *row.type)) continue;
     const Scenario with_fault = WithRow(with_placeholder, row, signals);
     DrawPlace place{.name = row.place, .fault = with_fault.faults.front(), .severity = {}};
     if (row.type->severity_parameter() != nullptr) place.severity = SeverityOf(with_fault, 0, signals);

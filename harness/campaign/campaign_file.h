@@ -32,7 +32,7 @@ struct Distribution {
 // Draws for each flight.
 struct DrawSpec {
   std::vector<std::string> types = {};  // patterns of fault types; empty: every type that the client can take
-  bool swarm = true;               // each flight draws from a random subset of the types
+  bool swarm = true;                    // each flight draws from a random subset of the types
   std::int64_t faults_count_min = 1, faults_count_max = 3;
   // By type and parameter. Others: a severity over its range, words and places uniformly, the rest as in the
   // type's example.

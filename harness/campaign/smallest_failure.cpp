@@ -10,7 +10,7 @@
 #include "faults/registry.h"
 #include "harness/campaign/fault_level.h"
 #include "harness/campaign/minimise.h"
-#include "harness/campaign/trials.h"
+#include "harness/score/headline.h"
 #include "harness/scenario/reader.h"
 
 namespace tiltproof::harness {

@@ -12,16 +12,11 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr auto kRegistrations = {
-    RegisterRun,      RegisterCheck,     RegisterNew,     RegisterFaults, RegisterReplay,   RegisterScore,
-<<<<<<< HEAD
-    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterEnvelope, RegisterCampaign, RegisterFuzz,
-||||||| bc4634a7
-    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterEnvelope, RegisterFuzz,
-=======
-    RegisterReport,   RegisterExport,    RegisterCompare, RegisterMargin, RegisterMinimise, RegisterEnvelope, RegisterFuzz,
->>>>>>> 6e3df67de5a7a87f93c7b35c18caef57ee26d30b
-    RegisterVehicle,  RegisterDesignLqr, RegisterNode,    RegisterDoctor, RegisterFrame,    RegisterLinkDump,
-    RegisterProtocol, RegisterIntegrity, RegisterManual};
+    RegisterRun,      RegisterCheck,    RegisterNew,       RegisterFaults,    RegisterReplay,
+    RegisterScore,    RegisterReport,   RegisterExport,    RegisterCompare,   RegisterMargin,
+    RegisterMinimise, RegisterSearch,   RegisterEnvelope,  RegisterCampaign,  RegisterWhy,
+    RegisterFuzz,     RegisterVehicle,  RegisterDesignLqr, RegisterNode,      RegisterDoctor,
+    RegisterFrame,    RegisterLinkDump, RegisterProtocol,  RegisterIntegrity, RegisterManual};
 
 // Returns the exit code.
 int Act(const CommandLine& line) {
