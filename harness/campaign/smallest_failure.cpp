@@ -12,6 +12,7 @@
 #include "harness/campaign/minimise.h"
 #include "harness/score/headline.h"
 #include "harness/scenario/reader.h"
+#include "harness/score/headline.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -84,9 +85,9 @@ double Short(double value, double a, double b) {
   return value;
 }
 
-class Search {
+class SmallestSearch {
  public:
-  Search(const Scenario& scenario, const Evaluate& evaluate, const MinimiseFailureOptions& options)
+  SmallestSearch(const Scenario& scenario, const Evaluate& evaluate, const MinimiseFailureOptions& options)
       : evaluate_(evaluate), options_(options) {
     found_.scenario = scenario;
   }
@@ -164,7 +165,7 @@ class Search {
   TimeNs period_ns() const { return found_.scenario.link.protocol->control_period_ns; }
   void ShrinkWindow(std::size_t fault, bool settled);
   void ShrinkSeverity(std::size_t fault, const VehicleSignals& signals, bool settled);
-  double LeastLevel(std::size_t fault, const Severity& severity, double mild, bool settled);
+  double LeastLevel(std::size_t fault, const Severity& severity, double mild);
 
   const Evaluate& evaluate_;
   const MinimiseFailureOptions& options_;
@@ -176,7 +177,7 @@ class Search {
 
 // 1. Without any fault. 2. Without those that cannot matter, because they acted on nothing or began later. 3. Only with those
 // that are active at the violation; then by halves.
-void Search::ChooseFaults() {
+void SmallestSearch::ChooseFaults() {
   const Scenario all = found_.scenario;
   const std::size_t count = all.faults.size();
   if (count == 0) return;
@@ -206,7 +207,7 @@ void Search::ChooseFaults() {
   Tell("faults", std::to_string(count), std::to_string(found_.scenario.faults.size()), 0);
 }
 
-void Search::SimplifyPath() {
+void SmallestSearch::SimplifyPath() {
   Scenario simple = found_.scenario;
   if (std::holds_alternative<HoverReference>(simple.reference.path)) return;
   const std::size_t runs = found_.runs;
@@ -216,7 +217,7 @@ void Search::SimplifyPath() {
 }
 
 // Windows are counted in control periods. First the end comes forward, then the start goes back.
-void Search::ShrinkWindow(std::size_t place, bool settled) {
+void SmallestSearch::ShrinkWindow(std::size_t place, bool settled) {
   const FaultType& type = *faults::FindFaultType(found_.scenario.faults[place].type);
   if (type.end == faults::Bound::kRefused) return;
   const std::size_t runs = found_.runs;
@@ -248,7 +249,7 @@ void Search::ShrinkWindow(std::size_t place, bool settled) {
 }
 
 // Between `mild`, which is taken not to fail, and the scenario's own level.
-double Search::LeastLevel(std::size_t place, const Severity& severity, double mild, bool settled) {
+double SmallestSearch::LeastLevel(std::size_t place, const Severity& severity, double mild) {
   double fails = std::get<double>(found_.scenario.faults[place].parameters.at(severity.parameter)),
          passes = mild;
   const auto try_level = [&](double level) {
@@ -268,7 +269,8 @@ double Search::LeastLevel(std::size_t place, const Severity& severity, double mi
     const double apart = std::abs(fails - passes);
     return apart <= kTolerance * (by_ratio ? std::max(fails, passes) : distance(fails));
   };
-  if (settled && !is_close())
+  // Behind a window that is as short as it can be, the level is mostly the least, too.
+  if (!is_close())
     if (const double level = shaped(fails - kTolerance * (fails - mild));
         is_between(level) && !try_level(level))
       return fails;
@@ -288,7 +290,7 @@ double Search::LeastLevel(std::size_t place, const Severity& severity, double mi
   return fails;
 }
 
-void Search::ShrinkSeverity(std::size_t place, const VehicleSignals& signals, bool settled) {
+void SmallestSearch::ShrinkSeverity(std::size_t place, const VehicleSignals& signals, bool settled) {
   const std::size_t runs = found_.runs;
   const FaultSpec before = found_.scenario.faults[place];
   Severity severity;
@@ -301,14 +303,14 @@ void Search::ShrinkSeverity(std::size_t place, const VehicleSignals& signals, bo
   const double own = std::get<double>(before.parameters.at(severity.parameter));
   const double mild = severity.range.harmless.value_or(severity.range.start);
   if (own == mild) return;
-  const double least = LeastLevel(place, severity, mild, settled);
+  const double least = LeastLevel(place, severity, mild);
   const auto text = [&](double level) {
     return severity.unit.empty() ? fmt::format("{}", level) : fmt::format("{} {}", level, severity.unit);
   };
   Tell(fmt::format("{} of {}", severity.parameter, before.id), text(own), text(least), runs, settled);
 }
 
-void Search::ShrinkFaults(const VehicleSignals& signals) {
+void SmallestSearch::ShrinkFaults(const VehicleSignals& signals) {
   for (int round = 0; round < kRoundsMax; ++round) {
     const std::string before = WriteResolved(found_.scenario);
     for (std::size_t i = 0; i < found_.scenario.faults.size(); ++i) {
@@ -319,7 +321,7 @@ void Search::ShrinkFaults(const VehicleSignals& signals) {
   }
 }
 
-void Search::ShortenFlight() {
+void SmallestSearch::ShortenFlight() {
   const std::size_t runs = found_.runs;
   const TimeNs before = found_.scenario.duration_ns, period = period_ns();
   const auto with = [&](TimeNs duration_ns) {
@@ -357,14 +359,14 @@ Flown FlownAs(const FlightResult& result) {
 
 SmallestFailure MinimiseFaults(const Scenario& scenario, const Evaluate& evaluate,
                                const MinimiseFailureOptions& options, const std::optional<Flown>& first) {
-  Search search(scenario, evaluate, options);
+  SmallestSearch search(scenario, evaluate, options);
   if (search.Begin(first)) search.ChooseFaults();
   return search.End();
 }
 
 SmallestFailure MinimiseFailure(const Scenario& scenario, const VehicleSignals& signals,
                                 const Evaluate& evaluate, const MinimiseFailureOptions& options) {
-  Search search(scenario, evaluate, options);
+  SmallestSearch search(scenario, evaluate, options);
   if (search.Begin(std::nullopt)) {
     search.ChooseFaults();
     search.SimplifyPath();

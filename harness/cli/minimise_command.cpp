@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kFirstWords = "# Minimised by tiltproof";
-constexpr std::size_t kNameMax = 100;
+constexpr std::size_t kMinimalNameMax = 100;
 
 struct MinimiseOptions {
   std::string program = "tiltproof";  // as it was called, for the commands that are printed
@@ -155,7 +155,7 @@ int MinimiseCommand(MinimiseOptions options) {
   given.seed = options.seed.value_or(given.seed);
   Scenario named = given;
   constexpr std::string_view kEnding = "-minimal";
-  named.name = given.name.substr(0, kNameMax - kEnding.size()) + std::string(kEnding);
+  named.name = given.name.substr(0, kMinimalNameMax - kEnding.size()) + std::string(kEnding);
   if (options.out.empty()) options.out = named.name + ".yaml";
   CheckOut(options.out);
 

@@ -10,7 +10,7 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::size_t kNameMax = 80;  // of a scenario, which may still get a seed
+constexpr std::size_t kCellNameMax = 80;  // of a scenario, which may still get a seed
 
 // As a part of a folder's name.
 std::string InName(const std::string& text) {
@@ -81,12 +81,12 @@ std::vector<std::string> CellNames(const std::string& scenario,
     for (const KeySetting& setting : cell)
       name += fmt::format("-{}-{}", InName(setting.path.substr(setting.path.rfind('.') + 1)),
                           InName(setting.value));
-    are_names = are_names && name.size() <= kNameMax;
+    are_names = are_names && name.size() <= kCellNameMax;
     names.push_back(std::move(name));
   }
   if (are_names && std::set<std::string>(names.begin(), names.end()).size() == names.size()) return names;
   for (std::size_t i = 0; i < names.size(); ++i)
-    names[i] = fmt::format("{}-set{}", scenario.substr(0, kNameMax), i + 1);
+    names[i] = fmt::format("{}-set{}", scenario.substr(0, kCellNameMax), i + 1);
   return names;
 }
 

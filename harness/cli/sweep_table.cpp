@@ -6,7 +6,6 @@
 #include <optional>
 #include <set>
 
-#include "harness/campaign/trials.h"
 #include "harness/score/headline.h"
 
 namespace tiltproof::harness {
