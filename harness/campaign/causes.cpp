@@ -21,7 +21,8 @@ bool HaveNoneInCommon(const FaultSet& a, const FaultSet& b) {
 
 class Search {
  public:
-  Search(const FaultSet& all, const std::function<std::vector<bool>(const std::vector<FaultSet>&)>& fails_with,
+  Search(const FaultSet& all,
+         const std::function<std::vector<bool>(const std::vector<FaultSet>&)>& fails_with,
          std::size_t tests_max)
       : all_(all), fails_with_(fails_with), tests_max_(tests_max) {
     known_[all] = true;
