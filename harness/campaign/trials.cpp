@@ -9,7 +9,13 @@
 namespace tiltproof::harness {
 namespace {
 
-// The first violated criterion of a flight that failed.
+// A fault that never acted was too mild to have an effect.
+bool Survived(const Score& score) {
+  return score.verdict == Verdict::kPass || score.cause == VerdictCause::kNeverActivated;
+}
+
+}  // namespace
+
 const CriterionResult* FirstViolated(const Score& score) {
   const auto time_s = [](const CriterionResult& criterion) {
     return criterion.time_s.value_or(std::numeric_limits<double>::infinity());
@@ -20,13 +26,6 @@ const CriterionResult* FirstViolated(const Score& score) {
       first = &criterion;
   return first;
 }
-
-// A fault that never acted was too mild to have an effect.
-bool Survived(const Score& score) {
-  return score.verdict == Verdict::kPass || score.cause == VerdictCause::kNeverActivated;
-}
-
-}  // namespace
 
 std::string WhyUnknown(const TrialResult& unknown) {
   return fmt::format("the flight '{}' is {}: {}", unknown.flight,

@@ -42,6 +42,9 @@ struct TrialResult {
   std::string reason;  // one line
 };
 
+// The first violated criterion of a flight that failed; one without a time is the last. Null: none is violated.
+const CriterionResult* FirstViolated(const Score& score);
+
 // For a flight that could not be judged: the flight and the reason, in one line.
 std::string WhyUnknown(const TrialResult& unknown);
 

@@ -48,6 +48,7 @@ void RegisterExport(CLI::App& program, CommandLine& line);
 void RegisterCompare(CLI::App& program, CommandLine& line);
 void RegisterMargin(CLI::App& program, CommandLine& line);
 void RegisterSearch(CLI::App& program, CommandLine& line);
+void RegisterMinimise(CLI::App& program, CommandLine& line);
 void RegisterEnvelope(CLI::App& program, CommandLine& line);
 void RegisterFuzz(CLI::App& program, CommandLine& line);
 void RegisterVehicle(CLI::App& program, CommandLine& line);
