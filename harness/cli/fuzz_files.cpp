@@ -57,10 +57,12 @@ std::string Heading(const FuzzFinding& finding, const link::Protocol& protocol, 
 
 }  // namespace
 
-Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol) {
+Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol,
+                  const std::string& model) {
   Scenario base;
   base.name = "fuzz";
   base.firmware = firmware;
+  base.model = model;
   base.held = true;
   base.duration_ns = kNsPerS;
   base.link.protocol = std::move(protocol);

@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 
 #include "faults/registry.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/data_files.h"
+#include "harness/cli/range_warnings.h"
 #include "harness/client/make_client.h"
 #include "harness/run/client_parameters.h"
 #include "harness/run/fault_conditions.h"
@@ -174,7 +176,8 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
 
 void CheckBuild(const std::string& build) {
   if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) == kShippedBuilds.end())
-    throw UsageError(fmt::format("--firmware {}: no such build{}", build, DidYouMean(build, kShippedBuilds)));
+    throw UsageError(fmt::format("--firmware {}: no such build{}; --client flies a firmware of your own",
+                                 build, DidYouMean(build, kShippedBuilds)));
 }
 
 namespace {
@@ -275,9 +278,12 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   suite.name = SuiteName(paths);
   suite.warnings = found.warnings;
   suite.warnings.insert(suite.warnings.end(), models.warnings().begin(), models.warnings().end());
-  for (const auto& entry : suite.scenarios)
+  for (const auto& entry : suite.scenarios) {
     if (std::string warning = LineWarning(entry.scenario); !warning.empty())
       suite.warnings.push_back(std::move(warning));
+    std::vector<std::string> beyond = RangeWarnings(entry.scenario, *entry.model);
+    std::move(beyond.begin(), beyond.end(), std::back_inserter(suite.warnings));
+  }
   return suite;
 }
 
@@ -348,6 +354,14 @@ Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
                     "flight goes on; put it into the scenario",
                     added.type));
   return more;
+}
+
+std::shared_ptr<const plant::VehicleModel> LoadModelFlag(const std::string& model) {
+  try {
+    return ModelCache().Load(ResolveModel(model), true);
+  } catch (const plant::VehicleError& error) {
+    throw UsageError(error.what());
+  }
 }
 
 std::filesystem::path ResolveModel(const std::string& model) {

@@ -84,6 +84,9 @@ Scenario WithInjected(const Scenario& scenario, const AddedFault& fault);
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);
 
+// The vehicle of such a flag. Throws UsageError.
+std::shared_ptr<const plant::VehicleModel> LoadModelFlag(const std::string& model);
+
 // The signals that a formula in the scenario may name.
 std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleSignals& vehicle);
 
