@@ -10,7 +10,6 @@
 #include "faults/registry.h"
 #include "harness/campaign/fault_level.h"
 #include "harness/campaign/minimise.h"
-#include "harness/score/headline.h"
 #include "harness/scenario/reader.h"
 #include "harness/score/headline.h"
 
