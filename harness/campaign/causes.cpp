@@ -21,7 +21,8 @@ bool HaveNoneInCommon(const FaultSet& a, const FaultSet& b) {
 
 class Search {
  public:
-  Search(const FaultSet& all, const std::function<std::vector<bool>(const std::vector<FaultSet>&)>& fails_with,
+  Search(const FaultSet& all,
+         const std::function<std::vector<bool>(const std::vector<FaultSet>&)>& fails_with,
          std::size_t tests_max)
       : all_(all), fails_with_(fails_with), tests_max_(tests_max) {
     known_[all] = true;
@@ -68,8 +69,9 @@ class Search {
     const auto fails = [this](const std::vector<std::size_t>& some) {
       return Fails(FaultSet(some.begin(), some.end()));
     };
-    const std::vector<std::size_t> left = Minimise<std::size_t>(
-        std::vector<std::size_t>(failing.begin(), failing.end()), fails, tests_max_ + known_.size());
+    const std::vector<std::size_t> left =
+        Minimise<std::size_t>(std::vector<std::size_t>(failing.begin(), failing.end()), fails,
+                              {.tests_max = tests_max_ + known_.size()});
     return {left.begin(), left.end()};
   }
 

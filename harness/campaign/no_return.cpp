@@ -76,8 +76,8 @@ NoReturn FindNoReturn(const MomentRange& range,
     return std::min(range.begin_ns + step * range.step_ns, range.end_ns);
   };
   std::vector<std::int64_t> wanted;
-  const std::int64_t coarse =
-      std::min({kCoarseIntervals, std::max<std::int64_t>(last, 1), static_cast<std::int64_t>(range.moments_max) - 1});
+  const std::int64_t coarse = std::min(
+      {kCoarseIntervals, std::max<std::int64_t>(last, 1), static_cast<std::int64_t>(range.moments_max) - 1});
   for (std::int64_t i = 0; i <= coarse; ++i) wanted.push_back(last * i / coarse);
   wanted.erase(std::unique(wanted.begin(), wanted.end()), wanted.end());
   Known known;

@@ -199,7 +199,8 @@ std::vector<FlightResult> WhyFlights::Fly(const std::vector<Future>& futures) {
   std::vector<FlightResult> results;
   for (std::future<FlightResult>& each : flown) {
     results.push_back(each.get());
-    if (results.back().score.verdict == Verdict::kError) throw std::runtime_error(results.back().score.reason);
+    if (results.back().score.verdict == Verdict::kError)
+      throw std::runtime_error(results.back().score.reason);
   }
   return results;
 }

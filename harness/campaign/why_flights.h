@@ -1,6 +1,6 @@
 // The flights that tiltproof why needs: futures of a flight that failed, and the flight with some of its faults only.
 //
-//   WhyFlights flights(job, failed, {.jobs_count = 2, .futures_count = 100});
+//   WhyFlights flights(job, "stays-on-path", {.jobs_count = 2, .futures_count = 100});
 //   const NoReturn found = FindNoReturn(range, [&](const std::vector<TimeNs>& t) { return flights.Futures(t); });
 //
 // A library's futures are forked from one flight (harness/engine/forked_futures.h). An image is flown again for each
@@ -31,7 +31,8 @@ class WhyFlights {
     bool may_fork = true;                            // false: every future is flown from the beginning
     const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
     std::function<void(const std::string& line)> tell = [](const auto&) {};
-    std::function<void(std::size_t flights_count)> on_turn = [](std::size_t) {};  // about ten times per second
+    // About ten times per second.
+    std::function<void(std::size_t flights_count)> on_turn = [](std::size_t) {};
   };
 
   // `job`: the flight, which violated `criterion`.

@@ -17,6 +17,7 @@
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 #include "harness/report/why_file.h"
@@ -80,9 +81,10 @@ FailedFlight OpenFailed(const WhyOptions& options) {
   FailedFlight flight{.run = OpenRun(options.flight), .folder = {}, .job = {}, .result = {}, .criterion = {}};
   const std::string path = options.flight.string();
   if (flight.run.info.mode == "realtime")
-    throw UsageError(fmt::format("why: {}: flown in real time, where no flight can be flown again to the bit; "
-                                 "`run` flies the scenario in lockstep",
-                                 path));
+    throw UsageError(
+        fmt::format("why: {}: flown in real time, where no flight can be flown again to the bit; "
+                    "`run` flies the scenario in lockstep",
+                    path));
   flight.folder = OnlyFlight(flight.run, options.flight);
   CheckFlightFiles(flight.folder);
   flight.result = ResultFromJsonText(ReadFile(flight.folder / "verdict.json"));
@@ -96,14 +98,17 @@ FailedFlight OpenFailed(const WhyOptions& options) {
   for (const auto& [id, client] : flight.run.info.clients) flags.push_back(fmt::format("{}={}", id, client));
   auto [scenario, model] = LoadFlown(flight.folder);
   if (scenario.has_several_clients())
-    throw UsageError(fmt::format("why: {}: several clients fly in processes of their own, which cannot be "
-                                 "turned aside in mid-flight: why explains flights with one client",
-                                 path));
+    throw UsageError(
+        fmt::format("why: {}: several clients fly in processes of their own, which cannot be "
+                    "turned aside in mid-flight: why explains flights with one client",
+                    path));
   const auto first_s = FirstActivation(flight.folder);
-  flight.violated_s = criterion->time_s.value_or(ToSeconds(scenario.duration_ns));
+  flight.violated_s =
+      criterion->time_s ? *criterion->time_s : ToSeconds(ReadFlightRecord(flight.folder).end_ns);
   if (!first_s || *first_s > flight.violated_s)
-    throw UsageError(fmt::format("why: {}: no fault acted before '{}' was violated: the flight fails by itself",
-                                 path, criterion->name));
+    throw UsageError(
+        fmt::format("why: {}: no fault acted before '{}' was violated: the flight fails by itself", path,
+                    criterion->name));
   flight.first_fault_s = *first_s;
   flight.criterion = criterion->name;
   flight.job = {.name = flight.folder.filename(),
@@ -123,10 +128,11 @@ bool IsRepeated(const FailedFlight& flight) {
   const FlightResult now = flown.get();
   if (now.score.verdict == Verdict::kError) throw std::runtime_error(now.score.reason);
   if (now.trace_hash != flight.result.trace_hash)
-    throw std::runtime_error(fmt::format(
-        "why: the flight is not the same any more: its trace had the hash {} then, and has {} now; the program, the "
-        "firmware or a file that it flies with has changed: `run` flies it as it is today",
-        flight.result.trace_hash, now.trace_hash));
+    throw std::runtime_error(
+        fmt::format("why: the flight is not the same any more: its trace had the hash {} then, and has {} "
+                    "now; the program, the "
+                    "firmware or a file that it flies with has changed: `run` flies it as it is today",
+                    flight.result.trace_hash, now.trace_hash));
   return true;
 }
 
@@ -162,15 +168,15 @@ std::string SetsText(const WhyFile& why) {
 
 void PrintWhy(const FailedFlight& flight, const WhyFile& why) {
   PrintLine(stdout, 0,
-            fmt::format("{}: {} violated at {:.3f} s, first fault at {:.3f} s", flight.job.name, why.criterion,
-                        why.violated_s, why.first_fault_s));
+            fmt::format("{}: {} violated at {:.3f} s, first fault at {:.3f} s", flight.job.name,
+                        why.criterion, why.violated_s, why.first_fault_s));
   for (const WhyPoint& point : why.curve)
     PrintLine(stdout, 2,
-              fmt::format("faults end at {:>8.3f} s: {:>5.1f} % fail{}", point.time_s, 100 * point.probability,
-                          point.low == point.high
-                              ? ""
-                              : fmt::format(" ({:.1f} to {:.1f} %, {} futures)", 100 * point.low,
-                                            100 * point.high, point.futures_count)));
+              fmt::format(
+                  "faults end at {:>8.3f} s: {:>5.1f} % fail{}", point.time_s, 100 * point.probability,
+                  point.low == point.high ? ""
+                                          : fmt::format(" ({:.1f} to {:.1f} %, {} futures)", 100 * point.low,
+                                                        100 * point.high, point.futures_count)));
   PrintLine(stdout, 0,
             why.last_chance_s ? fmt::format("last chance:        {:.3f} s", *why.last_chance_s)
                               : "last chance:        none; it was lost when the first fault acted");
@@ -217,7 +223,8 @@ int WhyCommand(const WhyOptions& options) {
   why.flights_count = flights.flights_count();
   WriteWhy(flight.folder, why);
   PrintWhy(flight, why);
-  PrintLine(stdout, 0, fmt::format("{} flights; {}", why.flights_count, (flight.folder / "why.json").string()));
+  PrintLine(stdout, 0,
+            fmt::format("{} flights; {}", why.flights_count, (flight.folder / "why.json").string()));
   if (std::filesystem::exists(flight.run.folder / "report.html"))
     if (const auto report = WriteReport(flight.run.folder)) Print(stdout, "report: {}\n", report->string());
   return kExitGreen;
@@ -227,11 +234,13 @@ int WhyCommand(const WhyOptions& options) {
 
 void RegisterWhy(CLI::App& program, CommandLine& line) {
   const auto options = std::make_shared<WhyOptions>();
-  CLI::App* command =
-      program.add_subcommand("why", "Find the moment at which a flight that failed was lost, and by which faults");
-  command->add_option("FLIGHT", options->flight, "The folder of a flight that failed, in a run's results folder")
+  CLI::App* command = program.add_subcommand(
+      "why", "Find the moment at which a flight that failed was lost, and by which faults");
+  command
+      ->add_option("FLIGHT", options->flight, "The folder of a flight that failed, in a run's results folder")
       ->required();
-  command->add_option("--futures", options->futures_count, "Futures of each moment, where something is random")
+  command
+      ->add_option("--futures", options->futures_count, "Futures of each moment, where something is random")
       ->check(CLI::Range(std::size_t{1}, std::size_t{100'000}));
   AddJobs(*command, options->jobs_count);
   SetAction(*command, line, [options] { return WhyCommand(*options); });

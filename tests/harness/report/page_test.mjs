@@ -493,6 +493,30 @@ function changeFlight(file, id, change) {
   writeFileSync(file, text.slice(0, begin) + Buffer.concat([u32(packed.length), packed, bytes.subarray(4 + size)]).toString("base64") + text.slice(end));
 }
 
+check("the curve of why, and its line in all figures", async () => {
+  const run = join(out, "why");
+  cpSync(flown.run, run, { recursive: true });
+  const before = await openFlight(flown.page, lost);
+  assert.equal(await before.locator("#plot-why").count(), 0);
+  await before.close();
+  execFileSync(tiltproof, ["why", join(run, lost), "--futures", "3"], { encoding: "utf8" });
+  const why = JSON.parse(readFileSync(join(run, lost, "why.json"), "utf8"));
+  const page = await openFlight(join(run, "report.html"), lost);
+  await page.locator("#plot-why").scrollIntoViewIfNeeded();
+  await page.waitForSelector("#plot-why canvas");
+  const figure = page.locator("#plot-why").locator("xpath=..");
+  assert.match(await figure.locator(".hint").textContent(), new RegExp(`point of no return at ${why.point_of_no_return_s}.* needed: `));
+  assert.match(await page.locator("#figures > .hint").textContent(), /Dotted line: point of no return/);
+  // The chance at the cursor is that of the curve.
+  for (const point of [why.curve.find((p) => p.probability < 0.5), why.curve.find((p) => p.time_s === why.point_of_no_return_s)]) {
+    await page.evaluate((t) => (location.hash = location.hash.replace(/&t=[^&]*/, "") + `&t=${t}`), point.time_s);
+    await page.waitForFunction((t) => Math.abs(parseFloat(document.querySelector(".now").textContent) - t) < 0.002, point.time_s);
+    assert.equal(parseFloat(await figure.locator(".item .value").first().textContent()), point.probability);
+  }
+  await page.screenshot({ path: join(out, "why.png") });
+  await page.close();
+});
+
 check("a vehicle with four rotors and no hinge", async () => {
   const run = join(out, "quadrotor"), name = "paper-spiral-velocity";
   cpSync(flown.run, run, { recursive: true });
