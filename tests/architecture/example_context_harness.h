@@ -33,6 +33,23 @@ extern const Severity severity;
 // harness/campaign/campaign_store.h
 extern const std::vector<CampaignRun> runs;
 
+// harness/campaign/campaign_signature.h
+extern const CampaignRun run;
+extern MinimisedChooser chooser;
+extern const examples::Function Use;
+
+// harness/campaign/campaign_summary.h
+extern const CampaignFrame frame;
+extern const CampaignStore& store;
+
+// harness/campaign/campaign_failures.h
+extern CampaignStore& store;
+extern const std::filesystem::path folder;
+std::optional<MinimalForm> SmallestOf(std::uint64_t run);
+
+// harness/campaign/campaign_compare.h
+extern const CampaignStore &store, &another;
+
 // harness/campaign/envelope_rows.h
 extern const faults::FaultType* type;
 extern const Scenario base;
