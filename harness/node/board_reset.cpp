@@ -7,8 +7,12 @@
 namespace tiltproof::harness {
 
 BoardReset::BoardReset(NodeServices& services, const std::string& how, link::SerialPort& port,
-                       std::function<void(const std::string&)> failed)
-    : services_(services), how_(how), failed_(std::move(failed)), timer_(services.loop()) {
+                       std::function<void()> done, std::function<void(const std::string&)> failed)
+    : services_(services),
+      how_(how),
+      done_(std::move(done)),
+      failed_(std::move(failed)),
+      timer_(services.loop()) {
   if (how != "dtr" && how != "rts") {
     Run(how);
     return;
@@ -28,7 +32,7 @@ void BoardReset::Pulse(link::SerialPort& port, link::ModemLine line, bool on) {
   } catch (const std::exception& error) {
     return Fail(error.what());
   }
-  if (!on) return;
+  if (!on) return done_();
   timer_.expires_after(kPulse);
   timer_.async_wait(
       [this, &port, line, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
@@ -42,7 +46,7 @@ void BoardReset::Run(const std::string& command) {
   spec.guard_group = true;
   command_ = std::make_unique<FirmwareProcess>(services_, spec, [this](const std::string& how) {
     timer_.cancel();
-    if (how == "exited with code 0") return;
+    if (how == "exited with code 0") return done_();
     std::string said;
     for (const auto& line : command_->TakeLines()) said = line.text;
     Fail(fmt::format("{}{}{}", how, said.empty() ? "" : ": ", said));

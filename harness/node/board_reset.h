@@ -1,7 +1,7 @@
 // Resets a board before its flight, so that suites run unattended: by a command of the user's, or by a modem line of the
 // board's serial adapter that is wired to the board's reset pin.
 //
-//   BoardReset reset(services, "st-flash reset", port, [&](const std::string& why) { Fail(why); });
+//   BoardReset reset(services, "st-flash reset", port, [&] { Listen(); }, [&](const std::string& why) { Fail(why); });
 //
 // A modem line goes off, on for kPulse, and off again, which resets both a board that is wired directly (held in reset
 // while the line is on) and one behind a capacitor (reset by the change).
@@ -25,11 +25,11 @@ class BoardReset {
   static constexpr std::chrono::milliseconds kPulse{100};
   static constexpr std::chrono::seconds kCommandLimit{20};
 
-  // `how`: "dtr", "rts", or a command for sh -c (harness/scenario/client_spec.h). `failed` is called by the loop, at
-  // most once, with the reason; it may destroy this. A modem line that the device does not have throws std::runtime_error.
-  // `port` must outlive this.
+  // `how`: "dtr", "rts", or a command for sh -c (harness/scenario/client_spec.h). The loop calls `done` when the modem line
+  // is off again, or the command has ended; or `failed`, with the reason, which may destroy this. A modem line that the
+  // device does not have throws std::runtime_error. `port` must outlive this.
   BoardReset(NodeServices& services, const std::string& how, link::SerialPort& port,
-             std::function<void(const std::string& why)> failed);
+             std::function<void()> done, std::function<void(const std::string& why)> failed);
 
  private:
   void Pulse(link::SerialPort& port, link::ModemLine line, bool on);
@@ -38,6 +38,7 @@ class BoardReset {
 
   NodeServices& services_;
   std::string how_;
+  std::function<void()> done_;
   std::function<void(const std::string&)> failed_;
   boost::asio::steady_timer timer_;
   std::unique_ptr<FirmwareProcess> command_;

@@ -8,6 +8,7 @@
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/deaf_receiver.h"
 #include "harness/node/pty_canary.h"
+#include "harness/node/reset_listener.h"
 #include "harness/node/roles.h"
 #include "harness/run/line.h"
 #include "harness/run/message_receiver.h"
@@ -45,6 +46,7 @@ class LinkRole final : public Role {
       : services_(services),
         board_(options.client ? std::get<SerialBoard>(*options.client) : SerialBoard{}),
         timer_(services.loop()),
+        boot_timer_(services.loop()),
         references_(services.bus(), services.members(),
                     InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
 
@@ -88,6 +90,7 @@ class LinkRole final : public Role {
     canary_ = std::make_unique<PtyCanary>(services_);
     Read(base_station_->master(), Direction::kReference, "base station");
     armed_ = true;
+    if (!board_.reset.empty()) reset_listener_.emplace(*scenario_.link.protocol);
     if (link::IsSocketName(board_.device)) return;
     // A program on a pseudo-terminal may play the board.
     if (const auto board = link::ProcessBehind(board_.device))
@@ -98,11 +101,13 @@ class LinkRole final : public Role {
   // An emulator may begin as soon as its sockets are taken: then everybody has to be ready. So with a board that is reset.
   void Start() override {
     if (link::IsSocketName(board_.device)) ConnectSockets();
-    if (!board_.reset.empty())
-      reset_.emplace(services_, board_.reset, *client_.serial, [this](const std::string& why) {
-        services_.Note(0, "board_reset", why);
-        services_.Fail(EndReason::kNodeLost, why);
-      });
+    if (board_.reset.empty()) return;
+    reset_.emplace(
+        services_, board_.reset, *client_.serial, [this] { ListenAfterReset(); },
+        [this](const std::string& why) {
+          services_.Note(0, "board_reset", why);
+          services_.Fail(EndReason::kNodeLost, why);
+        });
   }
 
   void Flush() override {
@@ -130,6 +135,7 @@ class LinkRole final : public Role {
     canary_.reset();
     board_watch_.reset();
     reset_.reset();
+    boot_timer_.cancel();
     const BootTime now = Now();
     const Origin origin = line_->origin().known() ? line_->origin() : Origin(now);
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
@@ -208,8 +214,23 @@ class LinkRole final : public Role {
   }
 
   void Read(link::ByteLine& port, Direction direction, const char* name) {
-    port.Start([this, direction](std::span<const std::uint8_t> bytes) { Transmit(direction, bytes); },
-               Lost(std::string(name) + "'s port"));
+    port.Start(
+        [this, direction](std::span<const std::uint8_t> bytes) {
+          if (direction != Direction::kToPlant || !reset_listener_ || reset_listener_->passes())
+            Transmit(direction, bytes);
+          else if (const auto passed = reset_listener_->Hear(bytes); !passed.empty())
+            Transmit(direction, passed);
+        },
+        Lost(std::string(name) + "'s port"));
+  }
+
+  void ListenAfterReset() {
+    reset_listener_->ResetEnded();
+    boot_timer_.expires_after(std::chrono::nanoseconds(ResetListener::kSilenceMax));
+    boot_timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+      if (error || alive.expired() || reset_listener_->passes()) return;
+      if (const auto start = reset_listener_->GiveUp(); !start.empty()) Transmit(Direction::kToPlant, start);
+    });
   }
 
   // Bytes do not arrive before they were sent, not even when a fault sets the clock.
@@ -338,10 +359,11 @@ class LinkRole final : public Role {
   std::unique_ptr<link::Pty> plant_, base_station_;
   End client_, reference_;
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
-  boost::asio::steady_timer timer_;
+  boost::asio::steady_timer timer_, boot_timer_;          // bytes that arrive; a board that has been reset
   std::unique_ptr<PtyCanary> canary_;
   std::optional<CpuWaitWatch> board_watch_;  // of a program of the user's that plays the board
   std::optional<BoardReset> reset_;
+  std::optional<ResetListener> reset_listener_;  // of a board that is reset
   bool armed_ = false;
   // When the plant got the last bytes that it has not answered yet.
   BootTime asked_plant_ns_ = BootTime::Never();

@@ -45,6 +45,10 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
                     fmt::format("this is a protocol file, not a scenario: a scenario names it with `link: "
                                 "{{protocol: {}}}`",
                                 file.filename().string())}});
+  if (const YamlEntry* campaign = root.Find("campaign");
+      campaign != nullptr && root.Find("scenarios") != nullptr)
+    ThrowProblems(file, {{campaign->key_mark,
+                          "this is a campaign file, not a scenario: fly it with `tiltproof campaign`"}});
   Scenario scenario = Interpret(file, root, options, problems);
   return {std::move(scenario), root.Find("name")->value.mark};
 }

@@ -30,6 +30,9 @@ extern const VehicleSignals signals;
 extern const FlightJob job;
 extern const Severity severity;
 
+// harness/campaign/campaign_store.h
+extern const std::vector<CampaignRun> runs;
+
 // harness/campaign/envelope_rows.h
 extern const faults::FaultType* type;
 extern const Scenario base;

@@ -117,9 +117,10 @@ class Flight:
         self.wait_for("running", limit_s)
 
         def seen():
-            # The monitor shows the vehicle once a second: what comes first may still be that of the flight before.
+            # The monitor shows the vehicle once a second: what comes first may still be the last state of the flight before.
             lines = [line.split() for line in self.seen().partition("running")[2].splitlines() if line.startswith("plant ")]
-            return any(float(line[1]) >= time_s for line in lines if len(line) > 1)
+            times_s = [float(line[1]) for line in lines if len(line) > 1]
+            return any(own_s != times_s[0] and own_s >= time_s for own_s in times_s)
         self._await(seen, limit_s, f"the monitor sees the vehicle at {time_s} s")
 
     def _await(self, condition, limit_s, what):

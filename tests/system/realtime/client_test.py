@@ -216,17 +216,20 @@ class ClientTest(unittest.TestCase):
         unplug()
         self.assertRegex(" ".join(flight.text().split()), r"\d+\.\d ms between reply and actuators: a USB-serial adapter that buffers, most likely")
 
-    def board_that_can_be_reset(self, masters):
-        """A board in a thread: each line in the pipe `reset` starts it again. Returns the pipe's path and the starts so far."""
-        reset, boards = self.folder / "reset", []
+    def board_that_can_be_reset(self, masters, firmware="paper"):
+        """A board in a thread: each `r` in the pipe `reset` starts it again, and has an answer in the pipe `done`. Returns the path of
+        `reset` and the starts so far."""
+        reset, done, boards = self.folder / "reset", self.folder / "done", []
         os.mkfifo(reset)
-        pipe = os.open(reset, os.O_RDWR)
+        os.mkfifo(done)
+        pipe, answers = os.open(reset, os.O_RDWR), os.open(done, os.O_RDWR)
 
         def work():
             while os.read(pipe, 1) == b"r":
                 end()
                 boards.append(subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters)], pass_fds=masters,
-                                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+                                               env={**os.environ, "TILTPROOF_FIRMWARE": firmware}, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+                os.write(answers, b"\n")
 
         def end():
             for board in boards:
@@ -234,7 +237,7 @@ class ClientTest(unittest.TestCase):
                 board.wait()
         thread = threading.Thread(target=work)
         thread.start()
-        self.addCleanup(lambda: (os.write(pipe, b"e"), thread.join(), end(), os.close(pipe)))
+        self.addCleanup(lambda: (os.write(pipe, b"e"), thread.join(), end(), os.close(pipe), os.close(answers)))
         return reset, boards
 
     def test_board_that_is_reset_by_a_command_before_each_flight(self):
@@ -250,6 +253,23 @@ class ClientTest(unittest.TestCase):
         self.assertNotIn("switch it on", flight.text())
         results = flight.run_results()
         self.assertEqual([result["end_reason"] for result in results], ["completed", "completed"], flight.text())
+
+    def test_start_of_what_ran_before_the_reset_is_not_heard(self):
+        # Until it is answered, this firmware repeats `start` in each period.
+        devices, masters, _, _ = self.cables(2)
+        reset, boards = self.board_that_can_be_reset(masters, "tolerant")
+        reset.write_text("r")
+        with open(self.folder / "done") as done:
+            done.readline()
+        self.assertEqual(len(boards), 1)
+        flight = self.fly(f"serial:{','.join(devices)},reset=sleep 0.3; printf r >{reset}; read _ <{self.folder}/done", 0)
+        self.assertEqual(flight.events("start_repeated"), [])
+
+    def test_start_counts_that_comes_before_the_command_of_the_reset_ends(self):
+        # This firmware sends `start` once, and is silent until it is answered.
+        devices, masters, _, _ = self.cables(2)
+        reset, _ = self.board_that_can_be_reset(masters)
+        self.fly(f"serial:{','.join(devices)},reset=printf r >{reset}; sleep 0.3", 0)
 
     def test_board_that_nothing_resets_between_flights(self):
         devices, _, _, _ = self.cables(1)
