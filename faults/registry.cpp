@@ -419,12 +419,14 @@ bool Reaches(Target target, link::Direction direction) {
 }
 
 const link::MessageType* FindMessage(const link::Protocol& protocol, std::string_view name) {
+  const bool has_reply = protocol.Find(link::MessageKind::kReply) != nullptr;
   const link::MessageType* in_role = nullptr;
   bool several = false;
   const std::string_view role = name == "sensors" ? link::Name(link::MessageKind::kRequest) : name;
   for (const link::MessageType& type : protocol.messages) {
     if (type.name == name) return &type;
-    if (link::Name(type.kind) != role) continue;
+    const bool is_reply = !has_reply && type.kind == link::MessageKind::kStreamed && role == "reply";
+    if (!is_reply && link::Name(type.kind) != role) continue;
     several = in_role != nullptr;
     in_role = &type;
   }

@@ -27,7 +27,8 @@ std::string_view WhyNoLonger(std::string_view name);
 bool Reaches(Target target, link::Direction direction);
 
 // The message that `message` of a fault names: by its name in the protocol, or by its role (link::MessageKind) when no
-// other message has that. `sensors` is another word for `request`. Null when there is none.
+// other message has that. `sensors` is another word for `request`; `reply` is the only message that the server sends by
+// itself, where it answers none. Null when there is none.
 const link::MessageType* FindMessage(const link::Protocol& protocol, std::string_view name);
 // The problem of a fault whose message the protocol does not have, or that does not travel there; otherwise empty.
 std::string MessageProblem(const FaultSpec& spec, const FaultType& type, const link::Protocol& protocol);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <utility>
 
 #include "link/message_kind.h"
@@ -20,18 +21,19 @@ constexpr std::size_t ContentBytesMax(std::size_t check_bytes) {
   return bytes + 1 + bytes / (kFullBlock - 1);
 }
 
-// Undoes the stuffing of a frame's content, which has no 00; nullopt when a code reaches beyond its end.
-std::optional<std::vector<std::uint8_t>> Unstuff(std::span<const std::uint8_t> content) {
-  std::vector<std::uint8_t> bytes;
-  bytes.reserve(content.size());
+// Undoes the stuffing of a frame's content, which has no 00, into `bytes`. False when a code reaches beyond its end.
+bool Unstuff(std::span<const std::uint8_t> content, std::vector<std::uint8_t>& bytes) {
+  bytes.resize(content.size());
+  std::uint8_t* out = bytes.data();
   while (!content.empty()) {
     const std::size_t code = content.front();
-    if (code > content.size()) return std::nullopt;
-    bytes.insert(bytes.end(), content.begin() + 1, content.begin() + static_cast<std::ptrdiff_t>(code));
+    if (code > content.size()) return false;
+    out = std::copy_n(content.data() + 1, code - 1, out);
     content = content.subspan(code);
-    if (code < kFullBlock && !content.empty()) bytes.push_back(0x00);
+    if (code < kFullBlock && !content.empty()) *out++ = 0x00;
   }
-  return bytes;
+  bytes.resize(static_cast<std::size_t>(out - bytes.data()));
+  return true;
 }
 
 class Cobs final : public CheckedFraming {
@@ -68,8 +70,9 @@ class Cobs final : public CheckedFraming {
     const auto content = frame.subspan(opening_bytes);
     if (content.empty() || std::find(content.begin(), content.end(), kDelimiter) != content.end() - 1)
       return std::nullopt;
-    const auto bytes = Unstuff(content.first(content.size() - 1));
-    std::optional<FrameParts> parts = bytes ? SplitChecked(*bytes) : std::nullopt;
+    std::vector<std::uint8_t> bytes;
+    const bool is_whole = Unstuff(content.first(content.size() - 1), bytes);
+    std::optional<FrameParts> parts = is_whole ? SplitChecked(bytes) : std::nullopt;
     if (parts) parts->opening_bytes = opening_bytes;
     return parts;
   }
@@ -113,22 +116,31 @@ class Cobs final : public CheckedFraming {
 
     std::optional<FrameReading> Next(std::span<const std::uint8_t>& bytes) override {
       while (!bytes.empty()) {
-        const std::uint8_t byte = bytes.front();
-        bytes = bytes.subspan(1);
-        ++offset_;
-        if (byte == kDelimiter) {
+        if (bytes.front() == kDelimiter) {
+          Consume(bytes, 1);
           const bool silent = is_skipping_ || content_.empty();
           is_skipping_ = false;
-          if (silent) begin_ = offset_;
           if (!silent) return Close();
-        } else if (is_skipping_) {
+          begin_ = offset_;
           continue;
-        } else if (content_.size() == ContentBytesMax(framing_.check_bytes())) {
+        }
+        const void* delimiter = std::memchr(bytes.data(), kDelimiter, bytes.size());
+        std::size_t count =
+            delimiter == nullptr
+                ? bytes.size()
+                : static_cast<std::size_t>(static_cast<const std::uint8_t*>(delimiter) - bytes.data());
+        if (is_skipping_) {
+          Consume(bytes, count);
+          continue;
+        }
+        count = std::min(count, ContentBytesMax(framing_.check_bytes()) - content_.size());
+        if (count == 0) {
+          Consume(bytes, 1);
           is_skipping_ = true;
           return Reading("too_long", 0);
-        } else {
-          content_.push_back(byte);
         }
+        content_.insert(content_.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(count));
+        Consume(bytes, count);
       }
       return std::nullopt;
     }
@@ -142,24 +154,28 @@ class Cobs final : public CheckedFraming {
     }
 
    private:
+    void Consume(std::span<const std::uint8_t>& bytes, std::size_t count) {
+      bytes = bytes.subspan(count);
+      offset_ += count;
+    }
     FrameReading Close() {
-      const auto bytes = Unstuff(content_);
-      const std::optional<FrameParts> parts = bytes ? framing_.SplitChecked(*bytes) : std::nullopt;
-      payload_ = parts ? parts->payload : std::vector<std::uint8_t>();
-      if (!bytes) return Reading("bad_code", 1);
-      if (!parts) return Reading("too_short", 1);
-      if (payload_.size() > kPayloadBytesMax) {
-        payload_.resize(kPayloadBytesMax);
-        return Reading("too_long", 1);
-      }
-      if (parts->damage != 0) return Reading("bad_checksum", 1);
-      return Reading(parts->payload.empty() ? "empty" : "ok", 1);
+      payload_ = {};
+      if (!Unstuff(content_, unstuffed_)) return Reading("bad_code", 1);
+      const std::size_t check_bytes = framing_.check_bytes();
+      if (unstuffed_.size() < check_bytes) return Reading("too_short", 1);
+      const std::span<const std::uint8_t> content(unstuffed_);
+      const auto payload = content.first(content.size() - check_bytes), check = content.last(check_bytes);
+      payload_ = payload.first(std::min(payload.size(), kPayloadBytesMax));
+      if (payload.size() > kPayloadBytesMax) return Reading("too_long", 1);
+      if (LoadCheck(framing_.kind(), check) != Checksum(framing_.kind(), payload))
+        return Reading("bad_checksum", 1);
+      return Reading(payload.empty() ? "empty" : "ok", 1);
     }
     // The bytes since the last frame are one.
     FrameReading Reading(std::string_view status, std::uint64_t delimiter_bytes) {
       const std::uint64_t begin = std::exchange(begin_, offset_);
       content_.clear();
-      if (delimiter_bytes == 0) payload_.clear();
+      if (delimiter_bytes == 0) payload_ = {};
       return {.status = status,
               .ok = status == "ok",
               .payload = payload_,
@@ -170,8 +186,9 @@ class Cobs final : public CheckedFraming {
     }
 
     const Cobs& framing_;
-    std::vector<std::uint8_t> content_, payload_;
-    bool is_skipping_ = false;  // a frame that is too long has been reported
+    std::vector<std::uint8_t> content_, unstuffed_;
+    std::span<const std::uint8_t> payload_;  // of unstuffed_
+    bool is_skipping_ = false;               // a frame that is too long has been reported
     std::uint64_t offset_ = 0, begin_ = 0;
   };
 };

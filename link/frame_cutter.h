@@ -101,6 +101,16 @@ class LengthTracker {
     matched_count_ = 0;
   }
 
+  // True if no byte so far belongs to a frame that may follow.
+  bool is_outside() const { return part_ == Part::kSync && matched_count_ == 0; }
+  // Bytes of payload and check that are still to come; 0 in front of them.
+  std::size_t content_left_count() const { return part_ == Part::kContent ? left_count_ : 0; }
+  // The step of the last of so many of them: 1 to content_left_count().
+  Step TakeContent(std::size_t count) {
+    left_count_ -= count - 1;
+    return Next(0);
+  }
+
  private:
   enum class Part : std::uint8_t { kSync, kLength, kContent };
 

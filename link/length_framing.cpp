@@ -77,10 +77,18 @@ class LengthPrefixed final : public CheckedFraming {
 
     std::optional<FrameReading> Next(std::span<const std::uint8_t>& bytes) override {
       while (!bytes.empty()) {
-        const std::uint8_t byte = bytes.front();
-        bytes = bytes.subspan(1);
-        ++offset_;
-        if (auto reading = Take(tracker_.Next(byte), byte)) return reading;
+        if (const std::size_t left = tracker_.content_left_count(); left > 0) {
+          const auto part = Consume(bytes, std::min(left, bytes.size()));
+          content_.insert(content_.end(), part.begin(), part.end());
+          if (tracker_.TakeContent(part.size()) == LengthTracker::Step::kFrameEnd) return Close();
+          continue;
+        }
+        if (tracker_.is_outside()) {
+          const auto mark = std::find(bytes.begin(), bytes.end(), framing_.header_.sync[0]);
+          Consume(bytes, static_cast<std::size_t>(mark - bytes.begin()));
+          if (bytes.empty()) break;
+        }
+        if (auto reading = Take(tracker_.Next(Consume(bytes, 1)[0]))) return reading;
       }
       return std::nullopt;
     }
@@ -92,7 +100,13 @@ class LengthPrefixed final : public CheckedFraming {
     }
 
    private:
-    std::optional<FrameReading> Take(LengthTracker::Step step, std::uint8_t byte) {
+    std::span<const std::uint8_t> Consume(std::span<const std::uint8_t>& bytes, std::size_t count) {
+      const auto part = bytes.first(count);
+      bytes = bytes.subspan(count);
+      offset_ += count;
+      return part;
+    }
+    std::optional<FrameReading> Take(LengthTracker::Step step) {
       switch (step) {
         case LengthTracker::Step::kOutside:
         case LengthTracker::Step::kSync:
@@ -105,36 +119,33 @@ class LengthPrefixed final : public CheckedFraming {
           is_in_frame_ = true;
           return stray;
         }
-        case LengthTracker::Step::kContent:
-          content_.push_back(byte);
-          return std::nullopt;
         case LengthTracker::Step::kBadLength:
           return Reading("bad_length", offset_);
+        case LengthTracker::Step::kContent:
         case LengthTracker::Step::kFrameEnd:
-          content_.push_back(byte);
-          return Close();
+          break;  // Next() takes a content at once
       }
       ThrowBrokenInvariant("a step of a frame");
     }
     FrameReading Close() {
-      FrameParts parts = *framing_.SplitChecked(content_);
-      const std::string_view status = parts.damage != 0       ? "bad_checksum"
-                                      : parts.payload.empty() ? "empty"
-                                                              : "ok";
-      FrameReading reading = Reading(status, offset_);
-      payload_ = std::move(parts.payload);
-      reading.payload = payload_;
+      closed_.swap(content_);
+      const std::span<const std::uint8_t> content(closed_);
+      const std::size_t check_bytes = framing_.check_bytes();
+      const auto payload = content.first(content.size() - check_bytes);
+      const bool is_right =
+          LoadCheck(framing_.kind(), content.last(check_bytes)) == Checksum(framing_.kind(), payload);
+      FrameReading reading = Reading(!is_right ? "bad_checksum" : payload.empty() ? "empty" : "ok", offset_);
+      reading.payload = payload;
       return reading;
     }
     // The bytes up to `content_end` that no reading has are one.
     FrameReading Reading(std::string_view status, std::uint64_t content_end) {
       const std::uint64_t begin = std::exchange(begin_, content_end);
       content_.clear();
-      payload_.clear();
       is_in_frame_ = false;
       return {.status = status,
               .ok = status == "ok",
-              .payload = payload_,
+              .payload = {},
               .begin = begin,
               .end = offset_,
               .content_begin = begin,
@@ -143,7 +154,7 @@ class LengthPrefixed final : public CheckedFraming {
 
     const LengthPrefixed& framing_;
     LengthTracker tracker_;
-    std::vector<std::uint8_t> content_, payload_;
+    std::vector<std::uint8_t> content_, closed_;  // of the frame that has begun; of the last one
     bool is_in_frame_ = false;
     std::uint64_t offset_ = 0, begin_ = 0;
   };

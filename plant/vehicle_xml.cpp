@@ -119,7 +119,7 @@ void VehicleXml::CheckNames(std::vector<VehicleProblem>& problems) const {
   }
 }
 
-// Numbers that are read: libsdformat reads "1,925" as 1, and "pi/2" as 0.
+// Numbers that are read: libsdformat 12 reads "1,925" as 1, and refuses "pi/2" without its place.
 void VehicleXml::CheckNumbers(std::vector<VehicleProblem>& problems) const {
   for (const SdfModel& model : files_.models())
     if (model.pose != nullptr) CheckNumbersIn(*model.pose, model.around->file, problems);

@@ -137,9 +137,7 @@ CampaignComparison CompareCampaigns(const CampaignStore& first, const CampaignSt
   return result;
 }
 
-std::string ToJsonText(const CampaignComparison& comparison) {
-  return JsonText(ToJson(comparison), 1) + "\n";
-}
+std::string ToJsonLine(const CampaignComparison& comparison) { return JsonLine(ToJson(comparison)); }
 
 std::string ComparisonTable(const CampaignComparison& comparison) {
   std::string text = fmt::format(

@@ -60,7 +60,7 @@ struct CampaignComparison {
 // they have no run in common.
 CampaignComparison CompareCampaigns(const CampaignStore& first, const CampaignStore& second);
 
-std::string ToJsonText(const CampaignComparison& comparison);
+std::string ToJsonLine(const CampaignComparison& comparison);
 // Lines for a person: totals, types, and the first changed runs.
 std::string ComparisonTable(const CampaignComparison& comparison);
 

@@ -77,9 +77,6 @@ std::optional<std::string> BodyOfAlways(const std::string& formula) {
   return body;
 }
 
-// Faults of the harness itself change nothing, and a script of frames says by itself what it does.
-bool IsOfUse(const FaultType& type) { return type.layer() != "harness" && !type.has_no_severity; }
-
 // The draws of one run.
 class Drawer {
  public:
@@ -246,6 +243,12 @@ class Drawer {
 
 }  // namespace
 
+bool IsDrawn(const DrawSpec& spec, const FaultType& type) {
+  if (spec.types.empty()) return type.layer() != "harness" && !type.has_no_severity;
+  return std::any_of(spec.types.begin(), spec.types.end(),
+                     [&](const std::string& pattern) { return MatchesType(pattern, type.name); });
+}
+
 double LevelAt(const LevelRange& range, double share) {
   const bool logarithmic = range.scale == faults::Scale::kLogarithmic;
   const double length = range.end - range.start, far = std::abs(length);
@@ -296,12 +299,7 @@ std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenari
   with_placeholder.faults = {placeholder};
   std::vector<DrawType> types;
   for (const EnvelopeRow& row : rows) {
-    const bool wanted =
-        spec.types.empty()
-            ? IsOfUse(*row.type)
-            : std::any_of(spec.types.begin(), spec.types.end(),
-                          [&](const std::string& pattern) { return MatchesType(pattern, row.type->name); });
-    if (!wanted) continue;
+    if (!IsDrawn(spec, *row.type)) continue;
     const Scenario with_fault = WithRow(with_placeholder, row, signals);
     DrawPlace place{.name = row.place, .fault = with_fault.faults.front(), .severity = {}};
     if (row.type->severity_parameter() != nullptr) place.severity = SeverityOf(with_fault, 0, signals);
@@ -311,13 +309,24 @@ std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenari
   return types;
 }
 
+namespace {
+
+std::uint64_t BuildsOf(const CampaignPlan& plan) {
+  return std::max<std::size_t>(plan.spec.firmware.size(), 1);
+}
+
+}  // namespace
+
+std::size_t BaseOf(const CampaignPlan& plan, std::uint64_t number) {
+  return number / BuildsOf(plan) % plan.bases.size();
+}
+
 DrawnRun DrawRun(const CampaignPlan& plan, std::uint64_t number) {
-  const std::uint64_t builds = std::max<std::size_t>(plan.spec.firmware.size(), 1);
-  const std::uint64_t draw = number / builds;
+  const std::uint64_t builds = BuildsOf(plan), draw = number / builds;
   const auto seed = static_cast<std::uint64_t>(plan.spec.seed);
   DrawnRun run;
   run.number = number;
-  run.base = draw % plan.bases.size();
+  run.base = BaseOf(plan, number);
   const DrawBase& base = plan.bases[run.base];
   Drawer drawer(plan.spec.draw, base, faults::KeyOf(faults::StreamKey(seed, {"campaign", "draw"}), draw));
   drawer.Draw();

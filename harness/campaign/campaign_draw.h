@@ -52,8 +52,11 @@ struct CampaignPlan {
   std::vector<DrawBase> bases;
 };
 
-// Of the rows, those that the spec's patterns select, by type, in order. Without patterns these are all but the faults of
-// the harness itself and frame.script. `signals`: of the scenario's vehicle.
+// True if faults of this type are drawn. Without patterns these are all types but those of the harness itself, which change
+// nothing, and frame.script, which says by itself what it does.
+bool IsDrawn(const DrawSpec& spec, const faults::FaultType& type);
+
+// The rows that the spec's patterns select, by type, in order. `signals`: of the scenario's vehicle.
 std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenario,
                                    const VehicleSignals& signals, std::span<const EnvelopeRow> rows);
 
@@ -70,13 +73,15 @@ struct DrawnRun {
 // Numbers count from 0. With several builds of the firmware, run N is flown by build N modulo their count, and runs whose
 // number divided by their count is equal have equal draws. So have their scenarios, in turn.
 DrawnRun DrawRun(const CampaignPlan& plan, std::uint64_t number);
+// The place of a run's base in the plan.
+std::size_t BaseOf(const CampaignPlan& plan, std::uint64_t number);
 
 // The level at this share, from 0 to 1, of the way from the mildest level to the most severe one. On a logarithmic scale,
 // and where the range ends only at the largest number allowed, levels are from a hundredth of the typical distance to a
 // hundred times that.
 double LevelAt(const LevelRange& range, double share);
 
-// What the rows of a campaign are compared with: the bands of each severity have equal shares of the way.
+// The frame of the campaign's summary: the bands of each severity have equal shares of the way.
 CampaignFrame MakeFrame(const CampaignPlan& plan);
 
 }  // namespace tiltproof::harness

@@ -94,10 +94,8 @@ namespace {
 
 class Merger {
  public:
-  Merger(const fs::path& folder, std::span<const std::string> of_shard)
-      : folder_(folder),
-        of_shard_(of_shard.begin(), of_shard.end()),
-        file_(folder / "campaign.sqlite.merging") {
+  Merger(const fs::path& folder, const std::map<std::string, std::string>& of_shard)
+      : folder_(folder), of_shard_(of_shard), file_(folder / "campaign.sqlite.merging") {
     std::error_code error;
     fs::create_directories(folder, error);
     if (error) throw FileError(fmt::format("{}: {}", folder.string(), error.message()));
@@ -167,7 +165,8 @@ class Merger {
     std::map<std::string, std::string> meta = store.AllMeta();
     std::erase_if(meta, [&](const auto& entry) { return of_shard_.contains(entry.first); });
     if (!meta_) {
-      for (const auto& [key, value] : meta) store_->SetMeta(key, value);
+      for (const auto* entries : {&meta, &of_shard_})
+        for (const auto& [key, value] : *entries) store_->SetMeta(key, value);
       meta_ = meta;
       return;
     }
@@ -193,7 +192,7 @@ class Merger {
   }
 
   fs::path folder_;
-  std::set<std::string> of_shard_;
+  std::map<std::string, std::string> of_shard_;
   fs::path file_;
   std::optional<CampaignStore> store_;
   std::optional<std::map<std::string, std::string>> meta_;
@@ -204,7 +203,7 @@ class Merger {
 }  // namespace
 
 void MergeCampaigns(std::span<const fs::path> shards, const fs::path& folder,
-                    std::span<const std::string> of_shard) {
+                    const std::map<std::string, std::string>& of_shard) {
   Merger merger(folder, of_shard);
   for (const fs::path& shard : shards) merger.Take(shard);
   merger.Finish();

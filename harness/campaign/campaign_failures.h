@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -35,9 +36,9 @@ void WriteSummary(const CampaignStore& store, const std::filesystem::path& folde
 // Merges the shards of one campaign: folders with a campaign.sqlite. `folder` is created, or has no campaign yet; it
 // has one only when everything is in it. A run that several shards have must be the same in all of them, apart from
 // wall_s. Throws std::runtime_error that names the run and the shards, where it is not, or where they are not of
-// the same campaign. `of_shard`: keys of the store's Meta() that differ between shards, and are left out.
+// the same campaign. `of_shard`: keys of the store's Meta() in which shards differ, and their values for the whole.
 void MergeCampaigns(std::span<const std::filesystem::path> shards, const std::filesystem::path& folder,
-                    std::span<const std::string> of_shard);
+                    const std::map<std::string, std::string>& of_shard);
 
 inline constexpr const char* kStoreFile = "campaign.sqlite";
 

@@ -31,7 +31,7 @@ std::string_view Name(Distribution::Kind kind) {
   return {};
 }
 
-bool IsDrawn(ParameterKind kind) {
+bool CanBeDrawn(ParameterKind kind) {
   return kind != ParameterKind::kVector && kind != ParameterKind::kFrameWords;
 }
 
@@ -63,7 +63,7 @@ void DescribeParameters(KeyVisitor& v, std::map<std::string, std::map<std::strin
     const std::string name(type.name);
     v.MaybeSection({type.name, type.summary}, drawn.contains(name), [&](KeyVisitor& w) {
       for (const ParameterInfo& info : type.parameters) {
-        if (!IsDrawn(info.kind)) continue;
+        if (!CanBeDrawn(info.kind)) continue;
         std::map<std::string, Distribution>& own = drawn[name];
         const std::string parameter(info.name);
         w.MaybeSection({info.name, info.doc}, own.contains(parameter),

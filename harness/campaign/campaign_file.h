@@ -17,7 +17,7 @@
 
 namespace tiltproof::harness {
 
-// How a number or a word is drawn.
+// Distribution of a number or a word.
 struct Distribution {
   enum class Kind : std::uint8_t {
     kUniform,     // between two numbers
@@ -29,24 +29,24 @@ struct Distribution {
   friend bool operator==(const Distribution&, const Distribution&) = default;
 };
 
-// What is drawn for each flight.
+// Draws for each flight.
 struct DrawSpec {
-  std::vector<std::string> types;  // patterns of fault types; empty: every type that the client can take
-  bool swarm = true;               // each flight draws from a random subset of the types
+  std::vector<std::string> types = {};  // patterns of fault types; empty: every type that the client can take
+  bool swarm = true;                    // each flight draws from a random subset of the types
   std::int64_t faults_count_min = 1, faults_count_max = 3;
   // By type and parameter. Others: a severity over its range, words and places uniformly, the rest as in the
   // type's example.
-  std::map<std::string, std::map<std::string, Distribution>> parameters;
-  std::optional<Distribution> start_s, length_s;  // none: anywhere in the flight
+  std::map<std::string, std::map<std::string, Distribution>> parameters = {};
+  std::optional<Distribution> start_s = {}, length_s = {};  // none: anywhere in the flight
   // Every fault ends so long before the flight does, and the criteria must hold again at the end.
-  std::optional<double> recover_s;
+  std::optional<double> recover_s = {};
   friend bool operator==(const DrawSpec&, const DrawSpec&) = default;
 };
 
 // Ends a campaign before its last run.
 struct StopSpec {
   std::int64_t failures_count = 0;  // 0: no limit
-  std::optional<double> wall_s;
+  std::optional<double> wall_s = {};
   friend bool operator==(const StopSpec&, const StopSpec&) = default;
 };
 

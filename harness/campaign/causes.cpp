@@ -69,8 +69,9 @@ class Search {
     const auto fails = [this](const std::vector<std::size_t>& some) {
       return Fails(FaultSet(some.begin(), some.end()));
     };
-    const std::vector<std::size_t> left = Minimise<std::size_t>(
-        std::vector<std::size_t>(failing.begin(), failing.end()), fails, tests_max_ + known_.size());
+    const std::vector<std::size_t> left =
+        Minimise<std::size_t>(std::vector<std::size_t>(failing.begin(), failing.end()), fails,
+                              {.tests_max = tests_max_ + known_.size()});
     return {left.begin(), left.end()};
   }
 

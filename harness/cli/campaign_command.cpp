@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "harness/cli/campaign_results.h"
 #include "harness/cli/campaign_run.h"
 #include "harness/cli/shared_options.h"
 
@@ -78,6 +79,8 @@ void RegisterCampaign(CLI::App& program, CommandLine& line) {
   CLI::App* status = command->add_subcommand("status", "Print how far a campaign is");
   status->add_option("DIR", options->resume, "Folder of the campaign")->required();
   SetAction(*status, line, [options] { return CampaignStatus(options->resume); });
+
+  RegisterCampaignResults(*command, line);
 }
 
 }  // namespace tiltproof::harness

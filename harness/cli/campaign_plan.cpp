@@ -87,6 +87,7 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
   const VehicleSignals& signals = base.model->signals();
   std::vector<EnvelopeRow> rows;
   for (const faults::FaultType& type : faults::FaultTypes()) {
+    if (!IsDrawn(spec.draw, type)) continue;
     const std::vector<EnvelopeRow> of_type = RowsAtEveryPlace(type, signals);
     rows.insert(rows.end(), of_type.begin(), of_type.end());
   }
@@ -199,7 +200,10 @@ LoadedCampaign ReopenCampaign(const CampaignStore& store) {
     CheckReady(campaign.means);
     for (std::size_t i = 0; i < campaign.plan.spec.scenarios.size(); ++i) {
       LoadedScenario loaded = LoadAnnounced(value(ScenarioKey(i)));
-      AddTypes({std::move(loaded.scenario), std::move(loaded.model), true}, campaign.plan.spec, campaign);
+      SuiteScenario base;
+      base.scenario = std::move(loaded.scenario);
+      base.model = std::move(loaded.model);
+      AddTypes(base, campaign.plan.spec, campaign);
     }
   } catch (const ScenarioError& error) {
     throw UsageError(error.what());

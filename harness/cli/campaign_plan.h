@@ -52,7 +52,7 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options);
 // As it was planned. Throws UsageError where this program cannot read it any more.
 LoadedCampaign ReopenCampaign(const CampaignStore& store);
 
-// Of a campaign's folder.
+// The database in a campaign's folder.
 std::filesystem::path DatabaseOf(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness

@@ -5,18 +5,21 @@
 
 #include <algorithm>
 #include <chrono>
+#include <functional>
 #include <map>
 #include <set>
 #include <utility>
 
 #include "harness/campaign/campaign_failures.h"
 #include "harness/campaign/campaign_flights.h"
+#include "harness/campaign/campaign_minimiser.h"
 #include "harness/campaign/campaign_signature.h"
 #include "harness/cli/campaign_flown.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
 #include "harness/cli/console.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/report/files.h"
 #include "harness/score/headline.h"
@@ -33,8 +36,8 @@ constexpr std::size_t kBatchMax = 256;
 constexpr std::chrono::seconds kBatchTime{1};
 // Flights are kept of so many signatures: one takes some megabytes.
 constexpr std::size_t kKeptMax = 100;
-// Between two lines of progress where there is no terminal.
-constexpr std::chrono::seconds kPlainTime{10};
+// Between two lines of progress where there is no terminal, and where there is one.
+constexpr std::chrono::milliseconds kPlainTime{10'000}, kLineTime{100};
 
 // The runs of the campaign that are to be flown, and what is known of those that were.
 class CampaignProgress {
@@ -110,6 +113,7 @@ class CampaignWork {
     if (interrupted()) return Interrupted();
     if (const int code = KeepFailures(); code != kExitGreen) return code;
     WriteSummary(store_, folder_);
+    if (!options_.no_report) WriteCampaignReport(folder_, options_.command.front());
     Report();
     if (progress_.errors_count() > 0) return kExitError;
     return progress_.failures_count() > 0 ? kExitNotGreen : kExitGreen;
@@ -174,10 +178,15 @@ class CampaignWork {
   void Turn() {
     const auto now = CampaignClock::now();
     if (batch_.size() >= kBatchMax || now - stored_at_ >= kBatchTime) Flush();
-    if (line_.visible()) return line_.Show(progress_.Text());
-    if (options_.no_progress || now - told_at_ < kPlainTime) return;
+    Show([this] { return progress_.Text(); });
+  }
+
+  // Flights may take less time than the line.
+  void Show(const std::function<std::string()>& text) {
+    const auto now = CampaignClock::now();
+    if (options_.no_progress || now - told_at_ < (line_.visible() ? kLineTime : kPlainTime)) return;
     told_at_ = now;
-    Print(stderr, "{}\n", progress_.Text());
+    line_.visible() ? line_.Show(text()) : Print(stderr, "{}\n", text());
   }
 
   void Flush() {
@@ -192,9 +201,34 @@ class CampaignWork {
     return kExitInterrupted;
   }
 
+  void Minimise() {
+    std::vector<std::uint64_t> runs;
+    MinimisedChooser chooser;
+    store_.ForEach([&](const CampaignRun& run) {
+      if (!run.signature.empty() && chooser.Take(run.signature)) runs.push_back(run.number);
+    });
+    std::optional<CampaignMinimiser> minimiser;
+    minimiser.emplace(campaign_.plan, campaign_.means, runs,
+                      CampaignMinimiser::Options{.jobs_count = options_.jobs_count,
+                                                 .interrupted = InterruptScope::flag(),
+                                                 .tell = [this](const std::string& text) { Tell(text); },
+                                                 .on_turn =
+                                                     [&] {
+                                                       Show([&] {
+                                                         return fmt::format(
+                                                             "making failures smaller: {} of {}, {} flights",
+                                                             minimiser->found_count(), runs.size(),
+                                                             minimiser->flights_count());
+                                                       });
+                                                     }});
+    MinimiseFailures(store_, folder_, [&](std::uint64_t run) { return minimiser->Find(run); });
+    line_.Clear();
+  }
+
   // Finds the smallest form of the failures, and flies the first of each signature once more, for its files.
   int KeepFailures() {
-    MinimiseFailures(store_, folder_, [](std::uint64_t) { return std::nullopt; });
+    Minimise();
+    if (interrupted()) return Interrupted();
     const std::vector<CampaignFailure> failures = store_.Failures();
     // The first failure of each of the most frequent signatures.
     std::map<std::string, std::size_t> counts;
@@ -345,14 +379,15 @@ int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
   const Console console(false);
   console.Finished(result);
   console.Line(fmt::format("{}", (own / "report.html").string()));
+  const int code = Survived(result.score) ? static_cast<int>(kExitGreen) : ExitCode({result});
   const std::optional<CampaignRun> stored = store.Find(number);
   if (!stored) {
     console.Line("this run is not in the database: it was not flown yet");
-    return ExitCode({result});
+    return code;
   }
   if (stored->trace_hash == result.trace_hash) {
     console.Line(fmt::format("the same flight as in the database: trace hash {}", result.trace_hash));
-    return ExitCode({result});
+    return code;
   }
   const std::string build = BuildOf(campaign.means.clients);
   const auto began = campaign.meta.find("build");

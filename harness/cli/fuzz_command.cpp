@@ -19,6 +19,8 @@
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_text.h"
+#include "harness/run/message_binding.h"
+#include "harness/scenario/model_path.h"
 #include "harness/scenario/reader.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
@@ -29,6 +31,7 @@ namespace {
 struct FuzzOptions {
   std::vector<std::string> clients;
   std::string protocol = "paper";
+  std::string model = Scenario().model;
   std::string firmware;                     // build; empty: the usual one
   std::optional<double> time_s;             // none: a minute
   std::optional<std::uint64_t> runs_count;  // inputs; instead of a time
@@ -62,7 +65,13 @@ LoadedScenario LoadBase(const FuzzOptions& options, const FlightMeans& means) {
   if (AbilitiesOf(means.clients.all, false).shipped) CheckBuild(build);
   if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
     throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
-  return LoadAnnounced(WriteResolved(FuzzBase(build, protocol)));
+  const VehicleSignals signals = LoadModelFlag(options.model)->signals();
+  if (const std::string problem = UnsuitableProtocol(*ForVehicle(protocol, signals), signals);
+      !problem.empty())
+    throw UsageError(fmt::format("--protocol {}: {} (--model {})", options.protocol, problem, options.model));
+  // A finding is a file elsewhere.
+  const std::string model = IsModelPath(options.model) ? ResolveModel(options.model).string() : options.model;
+  return LoadAnnounced(WriteResolved(FuzzBase(build, protocol, model)));
 }
 
 class FuzzRun {
@@ -325,6 +334,10 @@ void RegisterFuzz(CLI::App& program, CommandLine& line) {
   command
       ->add_option("--protocol", options->protocol,
                    "What the firmware speaks: a built-in protocol or a protocol file")
+      ->capture_default_str();
+  command
+      ->add_option("--model", options->model,
+                   "The vehicle whose signals the protocol carries: a model's name, or a path ending in .sdf")
       ->capture_default_str();
   AddFirmware(*command, options->firmware);
   auto* fuzz_time = command->add_option("--time", options->time_s, "How long, in s (default: 60)")

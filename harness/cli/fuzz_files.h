@@ -48,6 +48,7 @@ class FuzzFiles {
 
 // Base of every flight of a campaign, without its faults: the vehicle is on a test stand, because hostile values cannot
 // crash it there, and hovers by the reference.
-Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol);
+Scenario FuzzBase(const std::string& firmware, std::shared_ptr<const link::Protocol> protocol,
+                  const std::string& model);
 
 }  // namespace tiltproof::harness

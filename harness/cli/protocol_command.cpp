@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "harness/cli/protocol_flag.h"
+#include "harness/cli/range_warnings.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/protocol/c_header.h"
@@ -14,6 +15,7 @@
 #include "harness/run/message_binding.h"
 #include "harness/scenario/protocol_file.h"
 #include "harness/scenario/scenario.h"
+#include "harness/scenario/schema.h"
 #include "harness/terminal/terminal.h"
 #include "plant/vehicle_model.h"
 
@@ -28,42 +30,44 @@ using link::Protocol;
 
 struct CheckOptions {
   std::string protocol, model = Scenario().model, format = "table";
-  std::int64_t baud = Scenario().link.baud;
+  link::LineRate rate;
+  std::string character = std::string(Name(rate.character));
 };
 
-// "file:line:col" of the first field that the problem names, else of the messages.
-std::string PlaceOf(const std::string& problem, const std::filesystem::path& file) {
-  const ProtocolFile read = LoadProtocolFile(file);
-  const YamlNode& messages = read.root.Find("messages")->value;
-  YamlMark mark = messages.mark;
-  for (auto message = messages.items.rbegin(); message != messages.items.rend(); ++message) {
-    const YamlEntry* fields = message->Find("fields");
-    if (fields == nullptr) continue;
-    for (auto field = fields->value.items.rbegin(); field != fields->value.items.rend(); ++field) {
-      const YamlNode& signal = field->Find("signal")->value;
-      if (problem.find(signal.text) != std::string::npos) mark = signal.mark;
-    }
-  }
+// "8E1". Throws UsageError.
+link::CharacterFormat ReadCharacter(std::string_view text) {
+  for (const std::int64_t data_bits : {7, 8})
+    for (const link::Parity parity : {link::Parity::kNone, link::Parity::kEven, link::Parity::kOdd})
+      for (const std::int64_t stop_bits : {1, 2})
+        if (const link::CharacterFormat format{data_bits, parity, stop_bits}; Name(format) == text)
+          return format;
+  throw UsageError(fmt::format(
+      "--character {}: must be 7 or 8 data bits, the parity N, E or O, and 1 or 2 stop bits, such as 8N1",
+      text));
+}
+
+// Empty: the protocol is a shipped one.
+std::filesystem::path FileOf(const CheckOptions& options) {
+  return link::FindProtocol(options.protocol) != nullptr ? "" : options.protocol;
+}
+
+// "file:line:col" of the field, of the messages when it is none of the file's; the name of a shipped protocol.
+std::string PlaceOf(const CheckOptions& options, const ProtocolField& field) {
+  const std::filesystem::path file = FileOf(options);
+  if (file.empty()) return options.protocol;
+  if (field.first != nullptr)
+    if (std::string place = FieldPlace(file, *field.first, *field.second); !place.empty()) return place;
+  const YamlMark mark = PlaceOf(LoadProtocolFile(file).root, "messages");
   return fmt::format("{}:{}:{}", file.string(), mark.line, mark.column);
 }
 
 // The protocol as the vehicle speaks it. Throws UsageError when it cannot.
-std::shared_ptr<const Protocol> ForModel(const CheckOptions& options) {
-  const std::shared_ptr<const Protocol> protocol = ReadProtocolFlag(options.protocol, "");
-  VehicleSignals signals;
-  try {
-    ModelCache models;
-    signals = models.Load(ResolveModel(options.model), true)->signals();
-  } catch (const plant::VehicleError& error) {
-    throw UsageError(error.what());
-  }
-  auto own = ForVehicle(protocol, signals);
-  if (const std::string problem = UnsuitableProtocol(*own, signals); !problem.empty()) {
-    const bool is_shipped = link::FindProtocol(options.protocol) != nullptr;
-    throw UsageError(fmt::format("{}: {} (--model {})",
-                                 is_shipped ? options.protocol : PlaceOf(problem, options.protocol), problem,
-                                 options.model));
-  }
+std::shared_ptr<const Protocol> ForModel(const CheckOptions& options, const plant::VehicleModel& model) {
+  const VehicleSignals signals = model.signals();
+  auto own = ForVehicle(ReadProtocolFlag(options.protocol, ""), signals);
+  ProtocolField field;
+  if (const std::string problem = UnsuitableProtocol(*own, signals, &field); !problem.empty())
+    throw UsageError(fmt::format("{}: {} (--model {})", PlaceOf(options, field), problem, options.model));
   return own;
 }
 
@@ -98,10 +102,10 @@ struct Share {
   LineLoad load;
   double least_s = 0, most_s = 0, least = 0, most = 0;
 };
-Share ShareOf(const Protocol& protocol, Direction direction, std::int64_t baud) {
+Share ShareOf(const Protocol& protocol, Direction direction, const link::LineRate& rate) {
   Share share{.load = LineLoadOf(protocol, direction)};
-  share.least_s = LineTime_s(share.load.bytes, baud);
-  share.most_s = LineTime_s(share.load.bytes_max, baud);
+  share.least_s = LineTime_s(share.load.bytes, rate);
+  share.most_s = LineTime_s(share.load.bytes_max, rate);
   share.least = share.least_s / Period_s(protocol);
   share.most = share.most_s / Period_s(protocol);
   return share;
@@ -143,7 +147,7 @@ Json ToJson(const Protocol& protocol, const MessageType& type) {
   return json;
 }
 
-Json ToJson(const Protocol& protocol, std::int64_t baud) {
+Json ToJson(const Protocol& protocol, const link::LineRate& rate) {
   const link::Framing& framing = *protocol.framing;
   Json json = {{"protocol", protocol.name},
                {"control_period_ms", Period_s(protocol) * 1e3},
@@ -157,7 +161,8 @@ Json ToJson(const Protocol& protocol, std::int64_t baud) {
                {"answers_before_start", protocol.answers_before_start},
                {"repeated_start", protocol.repeated_start_is_boot ? "boot" : "ignored"},
                {"messages", Json::array()},
-               {"baud", baud},
+               {"baud", rate.baud},
+               {"character", Name(rate.character)},
                {"load", Json::array()}};
   if (framing.name() == "length_prefixed") {
     const auto sync = framing.special_bytes();
@@ -166,7 +171,7 @@ Json ToJson(const Protocol& protocol, std::int64_t baud) {
   }
   for (const MessageType& type : protocol.messages) json["messages"].push_back(ToJson(protocol, type));
   for (const Direction direction : link::kDirections) {
-    const Share share = ShareOf(protocol, direction, baud);
+    const Share share = ShareOf(protocol, direction, rate);
     json["load"].push_back({{"direction", Name(direction)},
                             {"bytes", share.load.bytes},
                             {"bytes_max", share.load.bytes_max},
@@ -191,12 +196,13 @@ void PrintMessages(const Protocol& protocol) {
   }
 }
 
-void PrintLoad(const Protocol& protocol, std::int64_t baud) {
-  Print(stdout, "\nEach control period of {:g} ms, at {} baud (8N1):\n", Period_s(protocol) * 1e3, baud);
+void PrintLoad(const Protocol& protocol, const link::LineRate& rate) {
+  Print(stdout, "\nEach control period of {:g} ms, at {} baud ({}):\n", Period_s(protocol) * 1e3, rate.baud,
+        Name(rate.character));
   Print(stdout, "{:<10} {:>8} {:>8} {:>9} {:>9} {:>7} {:>7}\n", "direction", "bytes", "at most", "ms",
         "at most", "share", "at most");
   for (const Direction direction : link::kDirections) {
-    const Share share = ShareOf(protocol, direction, baud);
+    const Share share = ShareOf(protocol, direction, rate);
     Print(stdout, "{:<10} {:>8.4g} {:>8.4g} {:>9.3f} {:>9.3f} {:>5.1f} % {:>5.1f} %\n", Name(direction),
           share.load.bytes, share.load.bytes_max, share.least_s * 1e3, share.most_s * 1e3, share.least * 100,
           share.most * 100);
@@ -204,18 +210,19 @@ void PrintLoad(const Protocol& protocol, std::int64_t baud) {
 }
 
 int ProtocolCheckCommand(const CheckOptions& options) {
-  const std::shared_ptr<const Protocol> protocol = ForModel(options);
+  const std::shared_ptr<const plant::VehicleModel> model = LoadModelFlag(options.model);
+  const std::shared_ptr<const Protocol> protocol = ForModel(options, *model);
   const link::Framing& framing = *protocol->framing;
   if (options.format == "json") {
-    Print(stdout, "{}\n", TextLines(ToJson(*protocol, options.baud).dump(2)));
+    Print(stdout, "{}\n", TextLines(ToJson(*protocol, options.rate).dump(2)));
   } else {
     Print(stdout, "{}: framing {}, check {} ({} bytes)\n\n", protocol->name, framing.name(),
           Name(framing.check().value_or(link::CheckKind::kNone)), framing.check_bytes());
     PrintMessages(*protocol);
-    PrintLoad(*protocol, options.baud);
+    PrintLoad(*protocol, options.rate);
   }
   for (const Direction direction : link::kDirections) {
-    const Share share = ShareOf(*protocol, direction, options.baud);
+    const Share share = ShareOf(*protocol, direction, options.rate);
     if (share.least > 1)
       throw UsageError(
           fmt::format("{}: the messages {} take {:.3f} ms, longer than the control period of {:g} ms: raise "
@@ -226,6 +233,8 @@ int ProtocolCheckCommand(const CheckOptions& options) {
             "warning: {}: the messages {} do not fit into the control period when every byte is stuffed\n",
             options.protocol, Name(direction));
   }
+  for (const std::string& warning : HoverWarnings(*protocol, FileOf(options), *model))
+    Print(stderr, "warning: {}\n", warning);
   if (options.format != "json") Print(stdout, "\nIt fits the vehicle '{}'.\n", options.model);
   return kExitGreen;
 }
@@ -254,8 +263,12 @@ void RegisterProtocol(CLI::App& program, CommandLine& line) {
   check->add_option("FILE", options->protocol, kProtocolHelp)->required();
   check->add_option("--model", options->model, "The vehicle: a model's name, or a path ending in .sdf")
       ->capture_default_str();
-  check->add_option("--baud", options->baud, "Rate of all lines, in baud")
+  check->add_option("--baud", options->rate.baud, "Rate of all lines, in baud")
       ->check(CLI::Range(std::int64_t{300}, std::int64_t{20'000'000}))
+      ->capture_default_str();
+  check
+      ->add_option("--character", options->character,
+                   "Data bits, parity and stop bits of a byte: 8N1, 8E1, 7O2, ...")
       ->capture_default_str();
   check
       ->add_option("--format", options->format,
@@ -269,7 +282,16 @@ void RegisterProtocol(CLI::App& program, CommandLine& line) {
       "longer than "
       "the period is an error (2), as is a signal that the vehicle lacks. docs/protocol.md describes the "
       "file.");
-  SetAction(*check, line, [options] { return ProtocolCheckCommand(*options); });
+  SetAction(*check, line, [options] {
+    options->rate.character = ReadCharacter(options->character);
+    return ProtocolCheckCommand(*options);
+  });
+
+  SetAction(*command->add_subcommand("schema", "Print the JSON Schema of protocol files, for editors"), line,
+            [] {
+              Print(stdout, "{}\n", TextLines(ProtocolJsonSchema()));
+              return kExitGreen;
+            });
 
   const auto name = std::make_shared<std::string>();
   const auto out = std::make_shared<std::filesystem::path>();

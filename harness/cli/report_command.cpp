@@ -49,7 +49,7 @@ void WarnOfChanges(const std::filesystem::path& flight) {
   }
 }
 
-// Of an envelope or a campaign: `name`.html beside its files.
+// The page of an envelope or a campaign: `name`.html beside its files.
 int ReportSearch(const ReportOptions& options, const std::string& name, decltype(EnvelopePage)& page) {
   if (options.runs.size() > 1)
     throw UsageError(fmt::format("report: the {} has a page of its own: give its folder alone", name));

@@ -41,6 +41,8 @@ Damager::Damager(const FrameSample& sample, const CheckGroup& group)
       is_touched_(wire_.size()) {
   Check(sample.content().size() == group.content_bytes(), "a group is that of a frame's content");
   places_.reserve(wire_.size());
+  for (std::size_t value = 0; value < asks_.size(); ++value)
+    if (sample.IsSpecial(static_cast<std::uint8_t>(value))) asks_[value] = kAsk;
   for (std::size_t place = 0; place < wire_.size(); ++place) {
     const std::size_t in_content = sample.ContentPlace(place);
     const std::uint8_t from = in_content == FrameSample::kNone ? 0 : sample.content()[in_content];
@@ -54,15 +56,6 @@ Damager::Damager(const FrameSample& sample, const CheckGroup& group)
     }
     for (std::size_t bit = 0; bit < 8; ++bit)
       bit_effects_[8 * place + bit] = EffectOf(place, static_cast<std::uint8_t>(wire_[place] ^ 1U << bit));
-  }
-}
-
-void Damager::FlipBits(Random& random, std::size_t count) {
-  while (count > 0) {
-    const std::size_t bit = Below(random, bits_count());
-    if (((damaged_[bit / 8] ^ wire_[bit / 8]) >> bit % 8 & 1) != 0) continue;
-    FlipBit(bit);
-    --count;
   }
 }
 
@@ -127,6 +120,23 @@ Received Damager::Judge() {
   }
   places_.clear();
   return Add(received);
+}
+
+// Wrong bits of one byte have the sum of their effects, for a sum of bytes, too: each bit adds or takes a power of two.
+Received Damager::JudgeWithWrongBits(Random& random, std::size_t count) {
+  other_ = wire_;
+  std::uint64_t total = 0, any = 0;
+  for (std::size_t left = count; left > 0;) {
+    const std::size_t bit = Below(random, bits_count()), place = bit / 8;
+    const auto mask = static_cast<std::uint8_t>(1U << bit % 8);
+    if (((other_[place] ^ wire_[place]) & mask) != 0) continue;
+    other_[place] ^= mask;
+    total = group_.Add(total, bit_effects_[bit]);
+    any |= bit_effects_[bit] | asks_[other_[place]];
+    --left;
+  }
+  const bool may_pass = (any & kAsk) != 0 || (count > 0 && group_.MayHold(total));
+  return Add(may_pass ? receiver_.Receive(other_) : Received());
 }
 
 Received Damager::JudgeWithLost(Random& random, std::size_t count) {

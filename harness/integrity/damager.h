@@ -1,13 +1,14 @@
 // Damage of one frame, many times, and how many wrong frames come through.
 //
 //   Damager damager(sample, group);
-//   damager.FlipBits(random, 4);
+//   damager.MakeBurst(random, 32);
 //   damager.Judge();
 //
 // A receiver needs to be asked about few of them: where only bytes of payload and check have changed, a table has the
 // effect of each new byte on the check (CheckGroup), and a check that is wrong ends the matter.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -33,8 +34,6 @@ class Damager {
 
   // Each of them changes the frame further, up to the next Judge().
   void FlipBit(std::size_t bit) { Set(bit / 8, damaged_[bit / 8] ^ 1U << bit % 8); }
-  // Different ones; `count` is at most bits_count().
-  void FlipBits(faults::Random& random, std::size_t count);
   // The first and the last of `length` bits are wrong, those between them at random.
   void MakeBurst(faults::Random& random, std::size_t length);
   // So many bytes in a row read 00, or FF.
@@ -46,11 +45,13 @@ class Damager {
   std::span<const std::uint8_t> damaged() const { return damaged_; }
   // Counts what comes through, and makes the frame intact again.
   Received Judge();
-  // Counts what comes through of a frame that has lost bytes, or has random ones added.
+  // Counts what comes through of an intact frame with so many wrong bits; `count` is at most bits_count().
+  Received JudgeWithWrongBits(faults::Random& random, std::size_t count);
+  // Counts what comes through of one that has lost bytes, or has random ones added.
   Received JudgeWithLost(faults::Random& random, std::size_t count);
   Received JudgeWithAdded(faults::Random& random, std::size_t count);
-  // The frame of the last call of these two.
-  std::span<const std::uint8_t> other_length() const { return other_; }
+  // The frame of the last call of these three.
+  std::span<const std::uint8_t> other() const { return other_; }
   // Counts all frames with one to three wrong bits of which `first` is the first one.
   void JudgeAllFrom(std::size_t first, int count);
 
@@ -78,6 +79,7 @@ class Damager {
   std::vector<std::uint8_t> wire_, damaged_, other_;
   std::vector<std::uint64_t> effects_;      // of each value of each byte of the frame
   std::vector<std::uint64_t> bit_effects_;  // of each bit that alone is wrong in its byte
+  std::array<std::uint64_t, 256> asks_{};   // kAsk for values that may change how other bytes are read
   std::vector<std::uint8_t> is_touched_;    // for each byte of the frame
   std::vector<std::uint32_t> places_;       // of bytes that are touched
   Counts counts_;

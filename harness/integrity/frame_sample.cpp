@@ -88,19 +88,33 @@ Received FrameSample::Receive(std::span<const std::uint8_t> damaged) const {
 }
 
 FrameReceiver::FrameReceiver(const FrameSample& sample)
-    : sample_(sample), reader_(sample.protocol_->framing->MakeReader()) {
-  if (const auto flag = sample.protocol_->framing->flag()) flag_.push_back(*flag);
+    : sample_(sample),
+      reader_(sample.protocol_->framing->MakeReader()),
+      flag_(sample.protocol_->framing->flag()) {
+  Received none;
+  if (flag_) Feed({&*flag_, 1}, none);
 }
 
 Received FrameReceiver::Receive(std::span<const std::uint8_t> damaged) {
   Received received;
-  const bool ends_with_flag = !flag_.empty() && !damaged.empty() && damaged.back() == flag_[0];
-  const std::span<const std::uint8_t> behind = sample_.frames_[2];
-  for (std::span<const std::uint8_t> bytes :
-       {std::span<const std::uint8_t>(flag_), damaged, behind.first(ends_with_flag ? 0 : behind.size())})
-    while (const auto reading = reader_->Next(bytes)) sample_.Count(*reading, received);
-  if (const auto reading = reader_->Finish()) sample_.Count(*reading, received);
+  const bool is_read = Feed(damaged, received);
+  // Now the reader is where it was before: behind a flag, or behind a frame.
+  const bool is_closed = flag_ ? !damaged.empty() && damaged.back() == *flag_ : is_read;
+  if (is_closed) return received;
+  Feed(sample_.frames_[2], received);
+  if (!flag_)
+    if (const auto reading = reader_->Finish()) sample_.Count(*reading, received);
   return received;
+}
+
+bool FrameReceiver::Feed(std::span<const std::uint8_t> bytes, Received& received) {
+  fed_count_ += bytes.size();
+  bool is_read = bytes.empty();
+  while (const auto reading = reader_->Next(bytes)) {
+    sample_.Count(*reading, received);
+    is_read = reading->end == fed_count_ && reading->content_end == fed_count_;
+  }
+  return is_read;
 }
 
 }  // namespace tiltproof::harness

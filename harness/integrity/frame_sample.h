@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -64,16 +65,20 @@ class FrameSample {
 
 // Says the same as FrameSample::Receive(), sooner: it has one reader, and leaves out bytes that the reader's answer does
 // not depend on. A flag ends the frame before it, so the intact frames beyond the flags around the damaged one are read
-// as they were sent.
+// as they were sent. So is the frame behind one with a length in front, when it ends where the receiver expects it.
 class FrameReceiver {
  public:
   explicit FrameReceiver(const FrameSample& sample);
   Received Receive(std::span<const std::uint8_t> damaged);
 
  private:
+  // Returns whether a reading has all bytes so far, so that the next byte is read like the first one.
+  bool Feed(std::span<const std::uint8_t> bytes, Received& received);
+
   const FrameSample& sample_;
   std::unique_ptr<link::FrameReader> reader_;
-  std::vector<std::uint8_t> flag_;  // empty: the framing has none
+  std::optional<std::uint8_t> flag_;
+  std::uint64_t fed_count_ = 0;
 };
 
 }  // namespace tiltproof::harness

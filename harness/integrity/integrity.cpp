@@ -178,8 +178,7 @@ class BitErrors {
                             std::size_t more = 0;
                             while (more + 1 < sums.size() && u >= sums[more]) ++more;
                             const std::size_t count = static_cast<std::size_t>(enumerated_) + 1 + more;
-                            damager.FlipBits(random, std::min(count, damager.bits_count()));
-                            damager.Judge();
+                            damager.JudgeWithWrongBits(random, std::min(count, damager.bits_count()));
                           });
     IntegrityRow row = RowOf(p, drawn);
     for (const Blocks& blocks : in_all_ways_) {

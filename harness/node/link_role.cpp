@@ -12,6 +12,7 @@
 #include "harness/node/roles.h"
 #include "harness/run/line.h"
 #include "harness/run/message_receiver.h"
+#include "harness/run/realtime/send_backlog.h"
 #include "harness/run/reference_frame.h"
 #include "harness/run/reference_talk.h"
 #include "link/pty.h"
@@ -72,6 +73,7 @@ class LinkRole final : public Role {
       scenario_.link.adapter.reset();
     }
     line_.emplace(scenario_, round_trips_, kClientPlace, !hardware, true);
+    if (scenario_.link.protocol->streams()) backlog_.emplace(MakeBacklog());
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
     actuators_bytes_ = ShortestCommand(*scenario_.link.protocol);
@@ -84,6 +86,9 @@ class LinkRole final : public Role {
           // The server answers at once: what it takes longer is this machine's doing.
           if (asked_plant_ns_ != BootTime::Never()) services_.lateness().Note(asked_plant_ns_, Now());
           asked_plant_ns_ = BootTime::Never();
+          if (backlog_)
+            if (const BootTime now = Now(); const auto sent_ns = backlog_->Take(now, bytes.size()))
+              services_.lateness().NoteBacklog(now, *sent_ns);
           Transmit(Direction::kToClient, bytes);
         },
         Lost("plant's port"));
@@ -155,6 +160,20 @@ class LinkRole final : public Role {
     std::string socket_name;                   // of the latter
     link::ByteLine* line = nullptr;            // it; null while nothing is connected
   };
+
+  SendBacklog MakeBacklog() const {
+    const link::Protocol& protocol = *scenario_.link.protocol;
+    const TimeNs period_ns = protocol.control_period_ns;
+    std::int64_t bytes_count = 0;
+    for (const link::MessageType& type : protocol.messages) {
+      if (type.period_ns == 0) continue;
+      const std::vector<std::uint8_t> payload(type.payload_bytes);
+      const auto frame_bytes = static_cast<std::int64_t>(protocol.framing->Encode(payload).size());
+      bytes_count += frame_bytes * ((period_ns + type.period_ns - 1) / type.period_ns);
+    }
+    const link::LineRate rate = scenario_.link.main_rate();
+    return {rate, period_ns / 2 + rate.BytesTime(bytes_count)};
+  }
 
   void Open(End& end, const std::string& device, std::int64_t baud, const char* name, Ports& ports) {
     if (link::IsSocketName(device)) {
@@ -353,6 +372,7 @@ class LinkRole final : public Role {
   SerialBoard board_;  // on its cables; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;
+  std::optional<SendBacklog> backlog_;  // of a server that sends by itself
   OriginFinder origin_;
   std::optional<ReferenceTalk> reference_talk_;
   std::optional<ReferenceFramer> framer_;  // of references that come over the bus

@@ -1,12 +1,12 @@
 // The bytes that a protocol puts on its lines: of each message, and in each control period.
 //
 //   const LineLoad load = LineLoadOf(*link::FindProtocol("paper"), link::Direction::kToClient);
-//   const double share = LineTime_s(load.bytes, 921600) / 0.012;  // of the control period
+//   const double share = LineTime_s(load.bytes, {.baud = 921600}) / 0.012;  // of the control period
 #pragma once
 
-#include <cstdint>
 #include <optional>
 
+#include "link/character.h"
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
@@ -27,7 +27,10 @@ struct LineLoad {
 };
 LineLoad LineLoadOf(const link::Protocol& protocol, link::Direction direction);
 
-// Time that these bytes take one behind the other, in s; a byte has 10 bits (8N1). `baud` is positive.
-inline double LineTime_s(double bytes, std::int64_t baud) { return bytes * 10.0 / static_cast<double>(baud); }
+// Time that these bytes take one behind the other, in s: start bit, data bits, parity bit and stop bits of each. The rate
+// is positive.
+inline double LineTime_s(double bytes, const link::LineRate& rate) {
+  return bytes * static_cast<double>(rate.character.bit_count()) / static_cast<double>(rate.baud);
+}
 
 }  // namespace tiltproof::harness

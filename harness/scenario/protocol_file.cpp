@@ -454,6 +454,19 @@ std::string TakenProtocolName(std::string_view name) {
   return fmt::format("protocol: '{}' is the name of a protocol that tiltproof ships; choose another", name);
 }
 
+std::optional<YamlMark> PlaceOfField(const YamlNode& protocol, std::string_view message,
+                                     std::string_view signal) {
+  const auto find = [](const YamlNode* list, std::string_view key, std::string_view text) -> const YamlNode* {
+    if (list == nullptr) return nullptr;
+    for (const YamlNode& item : list->items)
+      if (const YamlNode* value = ValueOf(&item, key); value != nullptr && value->text == text) return &item;
+    return nullptr;
+  };
+  const YamlNode* found = find(ValueOf(&protocol, "messages"), "name", message);
+  const YamlNode* field = find(ValueOf(found, "fields"), "signal", signal);
+  return field == nullptr ? std::nullopt : std::optional(PlaceOf(*field, "signal"));
+}
+
 ProtocolFile LoadProtocolFile(const std::filesystem::path& file) {
   ProtocolFile read = ParseProtocolFile(ReadYamlText(file), file);
   if (std::string taken = TakenProtocolName(read.protocol->name); !taken.empty())

@@ -85,6 +85,10 @@ struct ProtocolFile {
 // Throws ScenarioError. `file` names the text in messages.
 ProtocolFile ParseProtocolFile(const std::string& text, const std::filesystem::path& file);
 
+// The place of a field's `signal` in a protocol's tree; none where there is no such message or field.
+std::optional<YamlMark> PlaceOfField(const YamlNode& protocol, std::string_view message,
+                                     std::string_view signal);
+
 // Throw ScenarioError, also for a protocol that has the name of a shipped one.
 ProtocolFile LoadProtocolFile(const std::filesystem::path& file);
 std::shared_ptr<const link::Protocol> ReadProtocolFile(const std::filesystem::path& file);

@@ -152,6 +152,9 @@ struct Scenario {
       criterion_places;            // "file:line:column" of each formula or metric, when read from a file
   std::vector<std::string> watch;  // variables of the firmware's image
   std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
+  // "file:line:column" of these keys, or of what stands for them, when read from a file.
+  std::string reference_place, initial_place;
+  std::filesystem::path protocol_file;  // empty: the protocol is a shipped one, or in this file
 
   // As written; empty: one, whose id is kOnlyClient.
   std::vector<ClientEntry> clients;

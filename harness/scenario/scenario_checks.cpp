@@ -50,6 +50,8 @@ class Checker {
       : root_(root), options_(options), scenario_(scenario), problems_(problems) {}
 
   void Run() {
+    scenario_.reference_place = PlaceInFile("reference");
+    scenario_.initial_place = PlaceInFile("initial");
     ReadProtocol();
     CheckPeriod();
     CheckAdapter();
@@ -83,6 +85,11 @@ class Checker {
     return node == nullptr || Troubled(*node) ? nullptr : node;
   }
 
+  std::string PlaceInFile(std::string_view path) const {
+    const YamlMark mark = PlaceOf(root_, path);
+    return fmt::format("{}:{}:{}", scenario_.file.string(), mark.line, mark.column);
+  }
+
   // The value of the key 'protocol', or of its other name.
   const YamlNode* ProtocolNode() const {
     const YamlNode* link = ValueOf(&root_, "link");
@@ -107,8 +114,8 @@ class Checker {
       if (auto protocol = MakeProtocol(spec, *node, problems_)) scenario_.link.protocol = std::move(protocol);
     } else if (link::FindProtocol(node->text) == nullptr) {
       try {
-        protocol_file_ = RelativeToScenario(node->text);
-        protocol_ = LoadProtocolFile(protocol_file_);
+        scenario_.protocol_file = RelativeToScenario(node->text);
+        protocol_ = LoadProtocolFile(scenario_.protocol_file);
         protocol_root_ = &protocol_.root;
         scenario_.link.protocol = protocol_.protocol;
       } catch (const ScenarioError& error) {
@@ -215,26 +222,13 @@ class Checker {
     if (!options_.check_protocol) return;
     const auto trouble = options_.check_protocol(scenario_, *vehicle);
     if (!trouble) return;
-    const std::optional<YamlMark> place = PlaceOfField(*trouble);
+    const std::optional<YamlMark> place =
+        protocol_root_ == nullptr ? std::nullopt
+                                  : PlaceOfField(*protocol_root_, trouble->message, trouble->signal);
     if (!place) return ComplainProtocol(trouble->reason);
-    if (protocol_file_.empty()) return Complain(*place, fmt::format("signal: {}", trouble->reason));
-    ComplainProtocol(ToString(
-        Diagnostic{protocol_file_, place->line, place->column, fmt::format("signal: {}", trouble->reason)}));
-  }
-
-  // The place of the signal in the user's protocol; none when it is not about one.
-  std::optional<YamlMark> PlaceOfField(const ProtocolProblem& problem) const {
-    const auto find = [](const YamlNode* list, std::string_view key,
-                         std::string_view text) -> const YamlNode* {
-      if (list == nullptr) return nullptr;
-      for (const YamlNode& item : list->items)
-        if (const YamlNode* value = ValueOf(&item, key); value != nullptr && value->text == text)
-          return &item;
-      return nullptr;
-    };
-    const YamlNode* message = find(ValueOf(protocol_root_, "messages"), "name", problem.message);
-    const YamlNode* field = find(ValueOf(message, "fields"), "signal", problem.signal);
-    return field == nullptr ? std::nullopt : std::optional(PlaceOf(*field, "signal"));
+    if (scenario_.protocol_file.empty()) return Complain(*place, fmt::format("signal: {}", trouble->reason));
+    ComplainProtocol(ToString(Diagnostic{scenario_.protocol_file, place->line, place->column,
+                                         fmt::format("signal: {}", trouble->reason)}));
   }
 
   void ComplainProtocol(const std::string& trouble) {
@@ -263,7 +257,8 @@ class Checker {
   void CheckBuild(std::string_view key, const std::string& build, YamlMark mark) {
     const auto& names = options_.firmware_names;
     if (names.empty() || std::find(names.begin(), names.end(), build) != names.end()) return;
-    Complain(mark, fmt::format("{}: unknown build '{}'{}", key, build, DidYouMeanOf(build, names)));
+    Complain(mark, fmt::format("{}: unknown build '{}'{}; --client flies a firmware of your own", key, build,
+                               DidYouMeanOf(build, names)));
   }
 
   void CheckClients() {
@@ -564,7 +559,6 @@ class Checker {
   const ReadOptions& options_;
   Scenario& scenario_;
   std::vector<YamlProblem>& problems_;
-  fs::path protocol_file_;  // empty: the protocol is not of a file
   ProtocolFile protocol_;
   const YamlNode* protocol_root_ = nullptr;  // of the user's protocol
 };

@@ -12,11 +12,14 @@
 #include "faults/signal_choice.h"
 #include "harness/scenario/fault_keys.h"
 #include "harness/scenario/keys.h"
+#include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
 namespace {
 
 using Json = nlohmann::ordered_json;
+
+constexpr const char* kDraft = "https://json-schema.org/draft/2020-12/schema";
 
 // Whole numbers without a decimal point.
 Json NumberJson(double value) {
@@ -354,7 +357,7 @@ std::string Table(const std::string& title, const std::string& rows) {
 }  // namespace
 
 std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names, const VehicleSignals& vehicle) {
-  Json schema = {{"$schema", "https://json-schema.org/draft/2020-12/schema"}};
+  Json schema = {{"$schema", kDraft}};
   schema.update(BuildSchema());
   // The metrics are known to those who score.
   Json& metric = schema["properties"]["criteria"]["items"]["properties"]["metric"];
@@ -366,6 +369,15 @@ std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names, con
   item = WithCompounds(item, definitions);
   DescribeParameters(definitions, vehicle);
   schema["$defs"] = definitions;
+  return schema.dump(1);
+}
+
+std::string ProtocolJsonSchema() {
+  ProtocolSpec defaults;
+  SchemaBuilder builder("tiltproof protocol");
+  DescribeProtocol(builder, defaults);
+  Json schema = {{"$schema", kDraft}};
+  schema.update(builder.Take());
   return schema.dump(1);
 }
 

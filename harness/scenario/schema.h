@@ -1,4 +1,4 @@
-// The scenario file for editors and for people, generated from the keys that the reader knows.
+// Scenario files and protocol files for editors and for people, generated from the keys that the reader knows.
 #pragma once
 
 #include <string>
@@ -14,7 +14,10 @@ namespace tiltproof::harness {
 // fault names a signal; every name is accepted.
 std::string ScenarioJsonSchema(const std::vector<std::string>& metric_names, const VehicleSignals& vehicle);
 
-// The same as Markdown tables, one per mapping.
+// The schema of protocol files (harness/scenario/protocol_file.h). Only the reader checks what must fit together.
+std::string ProtocolJsonSchema();
+
+// The keys of scenario files as Markdown tables, one per mapping.
 std::string ScenarioKeysMarkdown();
 
 }  // namespace tiltproof::harness

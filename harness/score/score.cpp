@@ -142,6 +142,20 @@ CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
   return result;
 }
 
+// The likely cause of a wrong control period, from the sorted intervals. A clock that is wrong makes all of them wrong
+// alike; messages that are missing or doubled make some of them long or short.
+std::string_view LikelyCause(const std::vector<TimeNs>& sorted_ns, bool streams) {
+  constexpr double kAlike = 0.1;
+  const auto at = [&](double share) {
+    return static_cast<double>(
+        sorted_ns[static_cast<std::size_t>(share * static_cast<double>(sorted_ns.size() - 1))]);
+  };
+  if (at(0.9) - at(0.1) > kAlike * at(0.5))
+    return streams ? ": commands are missing or doubled" : ": requests are missing or doubled";
+  return streams ? ": is the core clock right, and is there one command in each period?"
+                 : ": is the core clock right?";
+}
+
 // Judges each client; the result is that of the first wrong one, or of the first that can be judged. None when there
 // is too little to judge by.
 std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const RunLog& log) {
@@ -171,7 +185,8 @@ std::optional<CriterionResult> ControlPeriod(const Scenario& scenario, const Run
     CriterionResult result;
     result.name = kControlPeriodCriterion;
     result.verdict = right ? Verdict::kPass : Verdict::kFail;
-    result.explanation = Whose(scenario, client) + text + (right ? "" : ": is the core clock right?");
+    result.explanation = Whose(scenario, client) + text;
+    if (!right) result.explanation += LikelyCause(intervals, scenario.link.protocol->streams());
     if (!found || found->verdict != Verdict::kPass || !right) found = std::move(result);
     if (!right) break;
   }

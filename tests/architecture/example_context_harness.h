@@ -54,6 +54,26 @@ extern const MomentRange range;
 // harness/campaign/trials.h
 extern const examples::Function Take;
 
+// harness/campaign/smallest_failure.h
+#include "harness/scenario/reader.h"
+extern const Scenario scenario;
+std::optional<Flown> Fly(const Scenario& flown);
+extern const examples::Function Write;
+
+// harness/scenario/set_keys.h
+#include "harness/scenario/reader.h"
+extern const ReadOptions options;
+
+// harness/cli/sweep.h
+extern const examples::Function Fly;
+
+// harness/cli/sweep_table.h
+#include "harness/cli/console.h"
+#include "harness/report/files.h"
+extern const std::vector<SweepRow> rows;
+extern const std::filesystem::path folder;
+extern const Console console;
+
 // harness/cli/command_table.h
 extern const CLI::App& app;
 

@@ -42,14 +42,8 @@ void Judge(benchmark::State& state, void (*damage)(Damager&, Random&)) {
   state.SetLabel(std::string(protocol.framing->name()) + " " + std::string(Name(kind)));
 }
 
-void FourBits(Damager& damager, Random& random) {
-  damager.FlipBits(random, 4);
-  damager.Judge();
-}
-void SixteenBits(Damager& damager, Random& random) {
-  damager.FlipBits(random, 16);
-  damager.Judge();
-}
+void FourBits(Damager& damager, Random& random) { damager.JudgeWithWrongBits(random, 4); }
+void SixteenBits(Damager& damager, Random& random) { damager.JudgeWithWrongBits(random, 16); }
 void Burst(Damager& damager, Random& random) {
   damager.MakeBurst(random, 32);
   damager.Judge();

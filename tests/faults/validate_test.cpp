@@ -95,6 +95,24 @@ TEST(ValidateTest, AMessageIsFoundByItsNameOrItsRole) {
   EXPECT_EQ(FindMessage(two, ""), nullptr);
 }
 
+// In a stream the server answers nothing: `reply` is what it sends by itself, if that is one message.
+TEST(ValidateTest, ReplyIsTheOnlyMessageOfAStream) {
+  link::Protocol stream = *link::FindProtocol("paper");
+  for (link::MessageType& type : stream.messages)
+    if (type.kind == link::MessageKind::kReply) {
+      type.kind = link::MessageKind::kStreamed;
+      type.name = "state";
+    }
+  EXPECT_EQ(FindMessage(stream, "reply"), stream.Find("state"));
+  stream.messages.push_back(
+      {.name = "baro", .kind = link::MessageKind::kStreamed, .direction = link::Direction::kToClient});
+  EXPECT_EQ(FindMessage(stream, "reply"), nullptr);
+  // Beside a true reply it is not meant.
+  stream.messages.push_back(
+      {.name = "answer", .kind = link::MessageKind::kReply, .direction = link::Direction::kToClient});
+  EXPECT_EQ(FindMessage(stream, "reply"), &stream.messages.back());
+}
+
 TEST(ValidateTest, ATargetIsStatedWhereThereIsNoDefault) {
   FaultSpec spec = Valid();
   spec.target = Target::kNone;

@@ -39,6 +39,8 @@ struct Lateness {
   void Note(BootTime due_ns, BootTime done_ns) {
     if (done_ns - due_ns > late_after_ns) Add(spans, due_ns, done_ns);
   }
+  // The line still sent what was late (send_backlog.h).
+  void NoteBacklog(BootTime begin_ns, BootTime sent_ns) { Add(spans, begin_ns, sent_ns); }
   // The board's clock may have lost time then (RunLog::board_disturbed).
   void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 

@@ -116,7 +116,7 @@ TEST_F(CampaignSummaryTest, OfMergedShardsIsThatOfTheWholeCampaign) {
         shards.back(), kRuns, [k](std::uint64_t run) { return run < 100 || run % 3 == k; },
         fmt::format("{}/3", k + 1));
   }
-  const std::vector<std::string> of_shard = {"shard"};
+  const std::map<std::string, std::string> of_shard = {{"shard", "1/1"}};
   MergeCampaigns(std::vector{shards[2], shards[0], shards[1]}, folder_ / "merged", of_shard);
   EXPECT_EQ(ReadFile(folder_ / "merged" / "campaign.json"), ReadFile(folder_ / "whole" / "campaign.json"));
   const CampaignStore merged(folder_ / "merged" / kStoreFile, Mode::kRead),
@@ -126,6 +126,7 @@ TEST_F(CampaignSummaryTest, OfMergedShardsIsThatOfTheWholeCampaign) {
     ASSERT_EQ(*a, *b);
   });
   EXPECT_EQ(merged.Failures(), whole.Failures());
+  EXPECT_EQ(merged.Meta("shard"), "1/1");
   // The smallest scenarios came along.
   std::set<std::string> files[2];
   for (int i = 0; i < 2; ++i) {

@@ -115,6 +115,8 @@ class ProtocolTest(unittest.TestCase):
         run("cc", "-std=c11", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden", "-I", SOURCE, "-I", ".", "quad.c", "-o",
             library, cwd=self.folder)
         run(PROGRAM, "run", "first.yaml", "--client", f"library:{library}", "--no-report", cwd=self.folder)
+        # Without --model it would be the tilt-rotor's.
+        run(PROGRAM, "fuzz", "--protocol", "quad.yaml", "--model", "quadrotor", "--client", f"library:{library}", "--runs", "20", cwd=self.folder)
         # No message of either end was refused.
         metrics = json.loads((self.folder / "results/latest/results.json").read_text())["scenarios"][0]["metrics"]
         for line in ("to_client", "to_plant", "reference"):
@@ -190,6 +192,33 @@ class ProtocolTest(unittest.TestCase):
         (self.folder / "quad.yaml").write_text(blocks("yaml")[0].replace("id: 2", "id: 1"))
         for command in ("check", "header"):
             self.assertRegex(run(PROGRAM, "protocol", command, "quad.yaml", code=2, cwd=self.folder).stderr, r"^quad.yaml:\d+:\d+: id: ")
+
+    def test_a_rotor_that_cannot_be_told_to_hover_is_a_warning(self):
+        (self.folder / "quad.yaml").write_text(blocks("yaml")[0].replace("f_back_right_n, type: u16, scale: 0.001, max: 7", "f_back_right_n, type: u16, scale: 0.001, max: 1.7"))
+        line = next(number for number, text in enumerate((self.folder / "quad.yaml").read_text().splitlines(), 1) if "f_back_right_n" in text)
+        warnings = self.check("quad.yaml", "--model", "quadrotor").stderr.splitlines()
+        self.assertEqual(len(warnings), 1, warnings)
+        # 0.716 kg on four rotors.
+        self.assertRegex(warnings[0], rf"^warning: quad.yaml:{line}:\d+: f_back_right_n: .* needs 1.75\d*, beyond the range 0 to 1.7 ")
+        (self.folder / "quad.yaml").write_text(blocks("yaml")[0])
+        self.assertEqual(self.check("quad.yaml", "--model", "quadrotor").stderr, "")
+
+    def test_parity_and_stop_bits_take_their_time(self):
+        shares = {}
+        for character, bits in (("8N1", 10), ("8E1", 11), ("7O2", 11), ("8N2", 11), ("8E2", 12)):
+            described = self.described("paper", "--character", character)
+            self.assertEqual(described["character"], character)
+            shares[character] = {load["direction"]: load["time_s"] / bits for load in described["load"]}
+        for character, share in shares.items():
+            for direction, seconds in share.items():
+                self.assertAlmostEqual(seconds, shares["8N1"][direction], places=12, msg=character)
+        self.assertIn("at 921600 baud (8E1):", self.check("paper", "--character", "8E1").stdout)
+        self.assertIn("8N1", self.check("paper", "--character", "9N1", code=2).stderr)
+
+    def test_fuzz_needs_the_vehicle_of_the_protocol(self):
+        done = run(PROGRAM, "fuzz", "--protocol", "quad.yaml", "--client", "host", code=2, cwd=self.folder)
+        self.assertIn("--protocol quad.yaml: the protocol 'quad' does not suit the vehicle", done.stderr)
+        self.assertIn("(--model tiltrotor)", done.stderr)
 
     def test_the_lengths_of_the_paper(self):
         messages = {message["name"]: message for message in self.described("paper")["messages"]}

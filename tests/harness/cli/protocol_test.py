@@ -92,6 +92,23 @@ class ProtocolTest(CommandLineTest):
         self.assertRegex(err, r"hover\.yaml:7:18: protocol: .*/stream\.yaml:7:\d+: signal: .*wz_rad_x")
         self.assertIn("tau_l_nm", err)
 
+    def test_what_a_field_cannot_carry_is_a_warning_with_its_place(self):
+        # The paper's messages; the heading of the reference is an integer that ends at 3.2767 rad.
+        head, reference = MINE.split("  - name: reference")
+        self.assertIn("{signal: yaw_rad, type: f32}", reference)
+        (self.folder / "mine.yaml").write_text(
+            head + "  - name: reference" + reference.replace("{signal: yaw_rad, type: f32}", "{signal: yaw_rad, type: i16, scale: 0.0001}"))
+        place = next(f":{number}:{text.index('yaw_rad') + 1}" for number, text in enumerate((self.folder / "mine.yaml").read_text().splitlines(), 1)
+                     if "scale: 0.0001" in text)
+        yaw = "name: NAME\nduration_s: 1\nreference: {type: hover, at_m: [0, 0, 2], yaw_rad: YAW}\nlink: {protocol: mine.yaml}\n"
+        self.scenario("wide", yaw.replace("YAW", "4"))
+        self.scenario("within", yaw.replace("YAW", "3.2"))
+        code, out, err = self.tiltproof("check", "wide.yaml", "--client", "serial:/dev/null,/dev/null")
+        self.assertEqual(code, 0, out + err)
+        self.assertIn(f"warning: wide.yaml:3:12: reference: yaw_rad = 4 at 0 s is beyond the range -3.2768 to 3.2767 of the message 'reference' "
+                      f"({self.folder}/mine.yaml{place}): it is sent as 3.2767", err)
+        self.assertNotIn("warning", self.tiltproof("check", "within.yaml", "--client", "serial:/dev/null,/dev/null")[2])
+
     def test_the_shipped_firmware_speaks_only_shipped_protocols(self):
         (self.folder / "mine.yaml").write_text(MINE.replace("fletcher16", "crc16_ibm_sdlc"))
         self.scenario("hover", SHORT_HOVER + "link: {protocol: mine.yaml}\n")

@@ -37,7 +37,12 @@ TEST(LineLoad, ThePaperSendsTwoFramesAndGetsOneInEachPeriod) {
   EXPECT_EQ(LineLoadOf(paper, link::Direction::kToClient).bytes, 4 + 64);
   EXPECT_EQ(LineLoadOf(paper, link::Direction::kReference).bytes, 4 + 28);
   EXPECT_EQ(LineLoadOf(paper, link::Direction::kToClient).bytes_max, 2 * (64 + 2) + 2);
-  EXPECT_DOUBLE_EQ(LineTime_s(68, 921600), 680.0 / 921600);
+  EXPECT_DOUBLE_EQ(LineTime_s(68, {.baud = 921600}), 680.0 / 921600);
+  // A start bit, seven data bits, parity and two stop bits.
+  EXPECT_DOUBLE_EQ(
+      LineTime_s(68,
+                 {.baud = 1000, .character = {.data_bits = 7, .parity = link::Parity::kOdd, .stop_bits = 2}}),
+      68 * 0.011);
 }
 
 TEST(LineLoad, AStreamedMessageCountsByItsOwnPeriod) {

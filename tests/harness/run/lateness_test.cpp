@@ -6,6 +6,7 @@
 
 #include "harness/run/event_limit.h"
 #include "harness/run/realtime/log_messages.h"
+#include "harness/run/realtime/send_backlog.h"
 #include "tests/support/control_period.h"
 
 namespace tiltproof::harness {
@@ -73,6 +74,44 @@ TEST(Lateness, WhenTheAccountIsFullTheRestIsOneLongLateness) {
   lateness.Note(due(count + 10), due(count + 10) + 5 * kNsPerMs);
   ASSERT_EQ(lateness.spans.size(), Lateness::kSpansMax);
   EXPECT_EQ(lateness.spans.back(), (NodeLateSpan{due(count - 1), due(count + 10) + 5 * kNsPerMs}));
+}
+
+// States of 37 bytes, one every 4 ms. The process that hands them over stands still for a while; then all come at once.
+TEST(SendBacklog, LastsUntilStatesAreAPeriodApartAgain) {
+  constexpr TimeNs kPeriod = 4 * kNsPerMs;
+  constexpr std::int64_t kStateBytes = 37, kGapBegin = 50;
+  for (const std::int64_t baud : {125'000, 250'000, 1'000'000}) {
+    for (std::int64_t missed_count = 0; missed_count < 100; ++missed_count) {
+      const link::LineRate rate{.baud = baud};
+      const std::int64_t gap_end = kGapBegin + missed_count;
+      Lateness lateness{.late_after_ns = 3 * kNsPerMs};
+      const TimeNs usual_ns = kPeriod / 2 + rate.BytesTime(kStateBytes);
+      SendBacklog backlog(rate, usual_ns);
+      BootTime sent_ns(0), excused_until_ns(0), together_until_ns(0);
+      for (std::int64_t i = 0; i < 1000; ++i) {
+        const bool is_late = i >= kGapBegin && i < gap_end;
+        const BootTime now((is_late ? gap_end : i) * kPeriod);
+        if (const auto until = backlog.Take(now, kStateBytes)) lateness.NoteBacklog(now, *until);
+        // The slow way: each byte waits for the one before.
+        const BootTime last_ns = sent_ns;
+        for (std::int64_t byte = 0; byte < kStateBytes; ++byte)
+          sent_ns = std::max(sent_ns, now) + 10 * kNsPerS / baud;
+        if (i > 0 && sent_ns - last_ns < kPeriod / 2) together_until_ns = sent_ns;
+      }
+      for (const NodeLateSpan& span : lateness.spans) {
+        EXPECT_GE(span.begin_ns, BootTime(gap_end * kPeriod));
+        excused_until_ns = std::max(excused_until_ns, span.end_ns);
+      }
+      // A period around what is late is not judged, either (harness/score/clean_line.h).
+      if (together_until_ns > BootTime(gap_end * kPeriod) + kPeriod) {
+        EXPECT_GE(excused_until_ns + kPeriod, together_until_ns) << baud << " " << missed_count;
+      }
+      // A short backlog does not bring states together afterwards.
+      const bool is_long = (missed_count + 1) * rate.BytesTime(kStateBytes) > usual_ns;
+      EXPECT_EQ(!lateness.spans.empty(), missed_count > 0 && is_long) << baud << " " << missed_count;
+      EXPECT_LE(excused_until_ns, BootTime(gap_end * kPeriod) + 4 * (missed_count + 1) * kPeriod);
+    }
+  }
 }
 
 TEST(EventLimit, SaysOnceThatItSaysNoMore) {

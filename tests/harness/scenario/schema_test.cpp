@@ -16,7 +16,9 @@
 
 #include "faults/registry.h"
 #include "harness/scenario/compound.h"
+#include "harness/scenario/keys.h"
 #include "harness/scenario/mapping_reader.h"
+#include "harness/scenario/protocol_file.h"
 #include "harness/scenario/reader.h"
 #include "harness/scenario/selection.h"
 #include "harness/scenario/yaml_tree.h"
@@ -94,8 +96,9 @@ class SchemaTest : public testing::Test {
   }
 
   // Runs the validator over the cases; its output is shown when it disagrees.
-  void ExpectAgreement() {
-    std::ofstream(folder_ / "schema.json") << ScenarioJsonSchema(options_.metric_names, {});
+  void ExpectAgreement() { ExpectAgreement(ScenarioJsonSchema(options_.metric_names, {})); }
+  void ExpectAgreement(const std::string& schema) {
+    std::ofstream(folder_ / "schema.json") << schema;
     std::ofstream(folder_ / "cases.json") << cases_.dump();
     const std::string command = std::string(TILTPROOF_PYTHON) + " " +
                                 (kSource / "tests/harness/scenario/check_schema.py").string() + " " +
@@ -290,6 +293,43 @@ TEST_F(SchemaTest, EditorsCompleteEveryFaultType) {
       EXPECT_TRUE(parameter.unit == "1" || text.find(parameter.unit) != std::string::npos) << text;
     }
   }
+}
+
+// Protocol files, too: the shipped ones, and mistakes in one of them.
+TEST_F(SchemaTest, ProtocolFilesAreJudgedAlike) {
+  for (const auto& entry : fs::directory_iterator(kSource / "link/protocols"))
+    AddCase(entry.path().string(), ReadFile(entry.path()), true);
+  EXPECT_GE(cases_.size(), 3U);
+  const std::string one =
+      "protocol: x\ncontrol_period_ms: 4\nframing: {type: cobs, check: sum8}\nstart: {first: motors}\n"
+      "messages:\n"
+      "  - {name: motors, from: client, fields: [{signal: f_n, type: u16, scale: 0.1}]}\n";
+  const auto with = [&](std::string_view from, std::string_view to) {
+    std::string text = one;
+    const std::size_t at = text.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    return text.replace(at, from.size(), to);
+  };
+  AddCase("good", one, true);
+  for (const std::string& yaml :
+       {with("protocol: x", "protocol: 7x"), with("control_period_ms: 4\n", ""),
+        with("control_period_ms: 4", "control_period_ms: 0"), with("type: cobs", "type: slip"),
+        with("check: sum8", "check: crc8"), with("check: sum8", "check: sum8, sync: [1]"),
+        with("type: cobs", "type: length_prefixed"), with("first: motors", "first: motors, message: go"),
+        with("{first: motors}", "{}"), with("type: u16", "type: u64"), with("scale: 0.1", "scale: 0"),
+        with("scale: 0.1", "offset: 0.1"), with("from: client", "from: plant"),
+        with("start:", "exchange: push\nstart:"), with("messages:", "mesages:")}) {
+    std::vector<YamlProblem> problems;
+    const auto root = ParseYaml(yaml, problems);
+    ASSERT_TRUE(root && problems.empty()) << yaml;
+    ProtocolSpec spec;
+    MappingReader reader(*root, problems);
+    DescribeProtocol(reader, spec);
+    reader.Finish();
+    EXPECT_FALSE(problems.empty()) << yaml;
+    AddCase(yaml, yaml, false);
+  }
+  ExpectAgreement(ProtocolJsonSchema());
 }
 
 // Everything that a mistake may leave in place of a value, and each place where one may be made.

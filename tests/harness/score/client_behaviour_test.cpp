@@ -117,6 +117,25 @@ TEST(Score, AWrongPeriodFailsControlPeriodWithBothFigures) {
   EXPECT_FALSE(passes(12.13));
 }
 
+// A clock makes all intervals wrong alike.
+TEST(Score, MissingAndDoubledRequestsAreNotTheClocks) {
+  const auto reason = [](double first_ms, double second_ms) {
+    RunLog log = StillFlight(101);
+    for (int i = 0; i < 60; ++i)
+      log.clients[0].sent_request_times_ns.push_back(
+          FromSeconds(i / 2 * (first_ms + second_ms) / 1000 + i % 2 * first_ms / 1000));
+    return ScoreRun(ScenarioOf(log), log).reason;
+  };
+  EXPECT_EQ(
+      reason(1, 11),
+      "control_period: asks every 1.000 ms, the protocol requires 12 ms: requests are missing or doubled");
+  EXPECT_EQ(
+      reason(24, 36),
+      "control_period: asks every 24.000 ms, the protocol requires 12 ms: requests are missing or doubled");
+  EXPECT_EQ(reason(12.6, 12.5),
+            "control_period: asks every 12.600 ms, the protocol requires 12 ms: is the core clock right?");
+}
+
 TEST(Score, FewerThan50IntervalsAreNotJudged) {
   const RunLog enough = FlightThatAsksEvery(6, 51), few = FlightThatAsksEvery(6, 50);
   EXPECT_NE(ControlPeriodOf(ScoreRun(ScenarioOf(enough), enough)), nullptr);

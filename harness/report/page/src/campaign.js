@@ -32,7 +32,7 @@ function rateBar(rate, label) {
 
 // New ways to fail over the runs: steps.
 function curve(points) {
-  const WIDTH = 760, HEIGHT = 250, LEFT = 52, RIGHT = 14, TOP = 12, BOTTOM = 38;
+  const WIDTH = 760, HEIGHT = 250, LEFT = 52, RIGHT = 30, TOP = 12, BOTTOM = 38;
   const runs = Math.max(points.at(-1)[0], 1), most = Math.max(points.at(-1)[1], 1);
   const x = (n) => LEFT + ((WIDTH - LEFT - RIGHT) * n) / runs, y = (n) => HEIGHT - BOTTOM - ((HEIGHT - TOP - BOTTOM) * n) / most;
   const ticks = (end) => {

@@ -25,7 +25,7 @@ export function extrasSection(flight, clock, plots, choice, changed = () => {}) 
   if (names.includes("x_m")) across.value = "x_m";
   if (names.includes("y_m")) up.value = "y_m";
 
-  const lineOf = (name) => ({ name, label: name, step: /^(supervisor_state|arbiter_selected|role_|.*_count$)/.test(name), turns: /_rad$/.test(name) });
+  const lineOf = (name) => ({ name, label: name, step: /^(supervisor_state|arbiter_selected|on_ground|role_|.*_count$)/.test(name), turns: /_rad$/.test(name) });
   const unitOf = (all) => [...new Set(all.map((name) => flight.entries.get(name).unit).filter(Boolean))].join(", ");
   const remover = (words, list, i) => el("button", { type: "button", class: "remove", "aria-label": `Remove the plot ${words}`, text: "Remove", onclick: () => { list.splice(i, 1); fill(); changed(); where.focus(); } });
   const fill = () => {

@@ -47,6 +47,7 @@ export function figuresOf(flight, clients) {
   add("supervisor", "State of the firmware", "", named.map((name) => line(name, name, whole)), { names: STATES, scale: "state" });
   add("supervisor-number", "State of the firmware, in its own numbering", "", columns.filter((name) => !named.includes(name)).map((name) => line(name, name, whole)), { scale: "state" });
   add("arbiter", "Client whose actuators are in force", "", [line("arbiter_selected", "arbiter_selected", whole)], { scale: "client" });
+  add("ground", "On the ground", "", [line("on_ground", "on the ground", whole)], { names: ["in the air", "on the ground"], scale: "ground" });
   // A bound on a signal that is in none of these.
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, flight.entries?.get(name)?.unit ?? "", [line(name, name)]);
   if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)], { scale: "faults" });
