@@ -19,7 +19,7 @@ namespace tiltproof::faults {
 struct FaultEvent {
   enum class Kind : std::uint8_t { kConditionHolds, kConditionEnds, kFirstActivation, kCut };
   Kind kind{};
-  std::size_t fault = 0;  // index in the scenario's list: of the fault with the condition, that acted, or that ends
+  std::size_t fault = 0;  // index in the scenario's list: whose condition it is, or that acted or ends
   TimeNs time_ns = 0;     // simulation time from which it is so
   friend bool operator==(const FaultEvent&, const FaultEvent&) = default;
   TILTPROOF_FIELDS(kind, fault, time_ns)

@@ -142,7 +142,7 @@ Causes CausesOf(const FaultSet& all, const std::function<bool(const FaultSet&)>&
 TEST(Causes, AreThoseOfAllSubsets) {
   std::mt19937 random(3);
   int with_needed = 0, with_sets = 0;
-  for (int trial = 0; trial < 300; ++trial) {
+  for (int trial = 0; trial < 500; ++trial) {
     std::vector<std::uint32_t> planted;
     for (std::uint32_t i = 0; i < 1 + random() % 3; ++i)
       planted.push_back(static_cast<std::uint32_t>(random() % 63 + 1));
