@@ -18,6 +18,7 @@
 // so the last period of a long flight begins as exactly as the first.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "faults/fault.h"
@@ -53,6 +54,8 @@ class Activity {
   void OnFollowed(TimeNs t);
   // `when`: from `t` on the condition holds, or does not hold. Times ascend; only changes are reported.
   void OnCondition(TimeNs t, bool holds);
+  // Ends its window at `t`, unless that ends earlier.
+  void OnCut(TimeNs t) { window_.end_ns = std::min(window_.end_ns, t); }
 
  private:
   // Number of changes of a condition that are remembered. At 12 ms apart, they reach further back than any

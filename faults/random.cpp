@@ -7,6 +7,7 @@
 namespace tiltproof::faults {
 
 constinit thread_local std::uint64_t Random::drawn_count_ = 0;
+constinit thread_local std::uint64_t Random::redraw_ = 0;
 
 std::uint64_t StreamKey(std::uint64_t seed, std::initializer_list<std::string_view> names) {
   std::uint64_t hash = 0xcbf29ce484222325ULL;

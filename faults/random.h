@@ -40,7 +40,7 @@ constexpr std::uint64_t KeyOf(std::uint64_t stream, std::uint64_t n) {
 class Random {
  public:
   using result_type = std::uint64_t;
-  explicit Random(std::uint64_t key) : state_(key) {}
+  explicit Random(std::uint64_t key) : state_(key ^ redraw_) {}
 
   static constexpr result_type min() { return 0; }
   static constexpr result_type max() { return std::numeric_limits<result_type>::max(); }
@@ -52,6 +52,10 @@ class Random {
   // The count of numbers that this thread has drawn from all generators. A flight that drew none is the same for every
   // seed.
   static std::uint64_t DrawnCount() { return drawn_count_; }
+
+  // From now on, this thread's new generators draw other numbers: those of `future`. 0: the numbers of their keys. A flight
+  // that is continued with other chances uses it (harness/run/future.h).
+  static void Redraw(std::uint64_t future) { redraw_ = future; }
 
   // In [0, 1), a multiple of 2^-53.
   double Uniform() { return static_cast<double>((*this)() >> 11) * 0x1p-53; }
@@ -70,7 +74,7 @@ class Random {
   double StandardNormal();
 
  private:
-  static constinit thread_local std::uint64_t drawn_count_;
+  static constinit thread_local std::uint64_t drawn_count_, redraw_;
   std::uint64_t state_;
 };
 

@@ -196,12 +196,19 @@ std::vector<FaultEvent> FaultSchedule::PollEvents() {
 void FaultSchedule::Hear(std::span<const FaultEvent> events) {
   for (const FaultEvent& item : events) {
     CheckIndex(item.fault, state_->activities.size(), "events are of a fault of the schedule");
-    if (item.kind == FaultEvent::Kind::kFirstActivation) {
-      for (const std::size_t follower : state_->followers[item.fault])
-        state_->activities[follower].OnFollowed(item.time_ns);
-    } else {
-      state_->activities[item.fault].OnCondition(item.time_ns,
-                                                 item.kind == FaultEvent::Kind::kConditionHolds);
+    Activity& activity = state_->activities[item.fault];
+    switch (item.kind) {
+      case FaultEvent::Kind::kFirstActivation:
+        for (const std::size_t follower : state_->followers[item.fault])
+          state_->activities[follower].OnFollowed(item.time_ns);
+        break;
+      case FaultEvent::Kind::kConditionHolds:
+      case FaultEvent::Kind::kConditionEnds:
+        activity.OnCondition(item.time_ns, item.kind == FaultEvent::Kind::kConditionHolds);
+        break;
+      case FaultEvent::Kind::kCut:
+        activity.OnCut(item.time_ns);
+        break;
     }
   }
 }

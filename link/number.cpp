@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 #include "link/check.h"
@@ -27,6 +28,30 @@ constexpr std::array<Range, kNumberTypeCount> kRanges = {
       static_cast<double>(std::numeric_limits<float>::max())},
      {std::numeric_limits<double>::lowest(), std::numeric_limits<double>::max()}}};
 
+// Each number of each message passes here, so that sizes known to the compiler pay.
+template <class Act>
+auto WithBitsOf(NumberType type, const Act& act) {
+  switch (NumberBytes(type)) {
+    case 1:
+      return act(std::uint8_t{});
+    case 2:
+      return act(std::uint16_t{});
+    case 4:
+      return act(std::uint32_t{});
+    default:
+      return act(std::uint64_t{});
+  }
+}
+
+// The bits as they stand on the line, from those of this processor, and the other way round.
+template <class Bits>
+Bits Ordered(ByteOrder order, Bits bits) {
+  if ((order == ByteOrder::kBig) == (std::endian::native == std::endian::big)) return bits;
+  auto bytes = std::bit_cast<std::array<std::uint8_t, sizeof(Bits)>>(bits);
+  std::ranges::reverse(bytes);
+  return std::bit_cast<Bits>(bytes);
+}
+
 bool IsSigned(NumberType type) {
   return type == NumberType::kI8 || type == NumberType::kI16 || type == NumberType::kI32;
 }
@@ -45,21 +70,19 @@ double LeastNumber(NumberType type) { return kRanges[static_cast<std::size_t>(ty
 double LargestNumber(NumberType type) { return kRanges[static_cast<std::size_t>(type)].largest; }
 
 std::uint64_t LoadBits(NumberType type, ByteOrder order, std::span<const std::uint8_t> bytes) {
-  const std::size_t size = NumberBytes(type);
-  CheckPart(0, size, bytes.size(), "a number of a message is inside its payload");
-  std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < size; ++i)
-    bits = bits << 8 | bytes[order == ByteOrder::kBig ? i : size - 1 - i];
-  return bits;
+  CheckPart(0, NumberBytes(type), bytes.size(), "a number of a message is inside its payload");
+  return WithBitsOf(type, [&](auto bits) -> std::uint64_t {
+    std::memcpy(&bits, bytes.data(), sizeof(bits));
+    return Ordered(order, bits);
+  });
 }
 
 void StoreBits(NumberType type, ByteOrder order, std::uint64_t bits, std::span<std::uint8_t> bytes) {
-  const std::size_t size = NumberBytes(type);
-  CheckPart(0, size, bytes.size(), "a number of a message is inside its payload");
-  for (std::size_t i = 0; i < size; ++i) {
-    bytes[order == ByteOrder::kBig ? size - 1 - i : i] = static_cast<std::uint8_t>(bits & 0xFF);
-    bits >>= 8;
-  }
+  CheckPart(0, NumberBytes(type), bytes.size(), "a number of a message is inside its payload");
+  WithBitsOf(type, [&](auto own) {
+    own = Ordered(order, static_cast<decltype(own)>(bits));
+    std::memcpy(bytes.data(), &own, sizeof(own));
+  });
 }
 
 double LoadNumber(NumberType type, ByteOrder order, std::span<const std::uint8_t> bytes) {

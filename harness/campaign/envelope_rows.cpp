@@ -98,7 +98,15 @@ FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const F
 
 }  // namespace
 
-std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignals& signals) {
+namespace {
+
+const ParameterInfo* FirstPart(const FaultType& type) {
+  for (const ParameterInfo& info : type.parameters)
+    if (faults::NamesPart(info.kind)) return &info;
+  return nullptr;
+}
+
+std::vector<EnvelopeRow> RowsOf(const FaultType& type, const VehicleSignals& signals, bool every_place) {
   std::vector<EnvelopeRow> rows;
   // A fault of a hinge has no place on a vehicle without one.
   for (const ParameterInfo& info : type.parameters)
@@ -112,8 +120,12 @@ std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignal
       if (std::find(accepted.begin(), accepted.end(), target) != accepted.end())
         rows.push_back({&type, "target", std::string(Name(target))});
   } else if (const ParameterInfo* signal = FirstSignal(type)) {
-    for (const std::string& place : PlacesOf(signal->kind, signals))
+    for (const std::string& place :
+         every_place ? faults::SignalNames(signals, signal->kind) : PlacesOf(signal->kind, signals))
       rows.push_back({&type, std::string(signal->name), place});
+  } else if (const ParameterInfo* part = every_place ? FirstPart(type) : nullptr) {
+    for (const std::string& place : faults::SignalNames(signals, part->kind))
+      rows.push_back({&type, std::string(part->name), place});
   } else {
     rows.push_back({&type, "", ""});
   }
@@ -126,6 +138,16 @@ std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignal
     }
   }
   return sides;
+}
+
+}  // namespace
+
+std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignals& signals) {
+  return RowsOf(type, signals, false);
+}
+
+std::vector<EnvelopeRow> RowsAtEveryPlace(const FaultType& type, const VehicleSignals& signals) {
+  return RowsOf(type, signals, true);
 }
 
 std::optional<std::size_t> FindPlaceholder(const Scenario& base) {

@@ -19,7 +19,7 @@ namespace tiltproof::harness {
 
 struct EnvelopeRow {
   const faults::FaultType* type = nullptr;
-  std::string place_key;  // "target", "signal", "actuator"; empty: the type has one place only
+  std::string place_key;  // "target", "signal", "actuator", "rotor"; empty: the type has one place only
   std::string place;      // "to_plant", "z_m", "f_r"
   // "positive" or "negative": on which side of its harmless value the severity is, where both are harmful; else empty.
   std::string side = {};
@@ -33,6 +33,8 @@ struct EnvelopeRow {
 // fault can act on, or its first sensor; vectors: all. Inputs: the first thrust and the first torque. Axes, joints and
 // rotors: that of the type's example. Each side of a severity that has two.
 std::vector<EnvelopeRow> EnvelopeRows(const faults::FaultType& type, const VehicleSignals& signals);
+// The same with every sensor, input, joint and rotor of the vehicle.
+std::vector<EnvelopeRow> RowsAtEveryPlace(const faults::FaultType& type, const VehicleSignals& signals);
 
 // Where each row's fault acts in a base scenario: in place of its fault of this type.
 inline constexpr std::string_view kPlaceholderType = "harness.null";

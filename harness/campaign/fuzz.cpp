@@ -369,23 +369,23 @@ void FuzzCampaign::Minimise(FuzzFinding& finding, const std::function<bool()>& i
   const std::size_t flights_max = finding.is_costly                ? kMinimiseHangsMax
                                   : options_.flight.means.realtime ? kMinimiseRealtimeMax
                                                                    : kMinimiseFlightsMax;
-  finding.sequence.inputs = harness::Minimise<LineBytes>(
-      finding.sequence.inputs,
-      [&](const std::vector<LineBytes>& inputs) {
-        tried.inputs = inputs;
-        return breaks(tried);
-      },
-      flights_max);
+  finding.sequence.inputs =
+      harness::Minimise<LineBytes>(finding.sequence.inputs,
+                                   [&](const std::vector<LineBytes>& inputs) {
+                                     tried.inputs = inputs;
+                                     return breaks(tried);
+                                   },
+                                   // The input that breaks the firmware is mostly said last.
+                                   {.tests_max = flights_max, .suspects_count = 1});
   std::vector<LineBytes>& inputs = finding.sequence.inputs;
   for (std::size_t i = 0; i < inputs.size() && !ended_early; ++i) {
-    inputs[i] = harness::Minimise<std::uint8_t>(
-        inputs[i],
-        [&](const LineBytes& bytes) {
-          tried = finding.sequence;
-          tried.inputs[i] = bytes;
-          return breaks(tried);
-        },
-        flights_max / inputs.size());
+    inputs[i] = harness::Minimise<std::uint8_t>(inputs[i],
+                                                [&](const LineBytes& bytes) {
+                                                  tried = finding.sequence;
+                                                  tried.inputs[i] = bytes;
+                                                  return breaks(tried);
+                                                },
+                                                {.tests_max = flights_max / inputs.size()});
   }
   finding.minimised = !ended_early && !interrupted();
   // Not with Ctrl-C, which ends flights.

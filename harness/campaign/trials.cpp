@@ -3,31 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
+#include "harness/score/headline.h"
+
 namespace tiltproof::harness {
-namespace {
-
-// The first violated criterion of a flight that failed.
-const CriterionResult* FirstViolated(const Score& score) {
-  const auto time_s = [](const CriterionResult& criterion) {
-    return criterion.time_s.value_or(std::numeric_limits<double>::infinity());
-  };
-  const CriterionResult* first = nullptr;
-  for (const CriterionResult& criterion : score.criteria)
-    if (criterion.verdict == Verdict::kFail && (first == nullptr || time_s(criterion) < time_s(*first)))
-      first = &criterion;
-  return first;
-}
-
-// A fault that never acted was too mild to have an effect.
-bool Survived(const Score& score) {
-  return score.verdict == Verdict::kPass || score.cause == VerdictCause::kNeverActivated;
-}
-
-}  // namespace
-
 std::string WhyUnknown(const TrialResult& unknown) {
   return fmt::format("the flight '{}' is {}: {}", unknown.flight,
                      unknown.verdict == Verdict::kError ? "an error" : Name(unknown.verdict), unknown.reason);

@@ -8,6 +8,8 @@
 #include <string>
 
 #include "faults/device_command.h"
+#include "faults/registry.h"
+#include "faults/signal_choice.h"
 #include "harness/cli/commands.h"
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
@@ -270,6 +272,33 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
   });
   if (!refused.empty()) throw UsageError(fmt::format("{}", fmt::join(refused, "\n")));
   return left_out;
+}
+
+std::vector<std::string> ReasonsAgainst(const FlightMeans& means, const SuiteScenario& base,
+                                        std::span<const EnvelopeRow> rows) {
+  const VehicleSignals& signals = base.model->signals();
+  const std::size_t place = *FindPlaceholder(base.scenario);
+  const ClientAbilities abilities = AbilitiesOf(means.ClientsOf(base.scenario).front(), means.realtime);
+  std::vector<std::string> reasons(rows.size());
+  Suite suite;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    SuiteScenario entry = base;
+    entry.scenario = WithRow(base.scenario, rows[i], signals);
+    entry.scenario.name = std::to_string(i);
+    entry.named = false;
+    const faults::FaultSpec& fault = entry.scenario.faults[place];
+    if (const auto problem = faults::ProtocolProblem(fault, *entry.scenario.link.protocol))
+      reasons[i] = problem->message;
+    else if (auto why = Unsupported(fault, *rows[i].type, abilities))
+      reasons[i] = *std::move(why);
+    else if (auto unsuited = faults::Unsuited(fault, *rows[i].type, signals))
+      reasons[i] = *std::move(unsuited);
+    else
+      suite.scenarios.push_back(std::move(entry));
+  }
+  for (const NotApplicable& other : RemoveNotApplicable(means, false, suite))
+    reasons[std::stoul(other.name)] = other.reason;
+  return reasons;
 }
 
 }  // namespace tiltproof::harness

@@ -70,12 +70,12 @@ int ListCommand(const CheckOptions& options) {
   const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients), options.firmware);
   PrintWarnings(suite);
   std::size_t name_width = 0, model_width = 0, firmware_width = 0;
-  for (const auto& [scenario, model, named] : suite.scenarios) {
+  for (const auto& [scenario, model, named, settings] : suite.scenarios) {
     name_width = std::max(name_width, scenario.name.size());
     model_width = std::max(model_width, scenario.model.size());
     firmware_width = std::max(firmware_width, scenario.firmware.size());
   }
-  for (const auto& [scenario, model, named] : suite.scenarios) {
+  for (const auto& [scenario, model, named, settings] : suite.scenarios) {
     std::vector<std::string_view> faults;
     for (const auto& fault : scenario.faults) faults.push_back(fault.type);
     Print(stdout, "{:<{}}  {:>5.0f} s  {:<{}}  {:<{}}  expect {:<12}  [{}]  {}\n", scenario.name, name_width,
@@ -99,7 +99,7 @@ int SignalsCommand(const CheckOptions& options) {
   } else {
     const Suite suite = LoadSuite(options.paths, ReadClientFlags(options.clients), options.firmware);
     PrintWarnings(suite);
-    for (const auto& [scenario, model, named] : suite.scenarios) add(scenario, *model);
+    for (const auto& [scenario, model, named, settings] : suite.scenarios) add(scenario, *model);
   }
   for (const std::string& name : names) Print(stdout, "{}\n", name);
   return names.empty() ? kExitUndecided : kExitGreen;

@@ -1,7 +1,6 @@
 #include "harness/cli/envelope_plan.h"
 
 #include <fmt/format.h>
-#include <fnmatch.h>
 
 #include <algorithm>
 #include <map>
@@ -10,6 +9,7 @@
 
 #include "faults/registry.h"
 #include "faults/signal_choice.h"
+#include "harness/campaign/campaign_file.h"
 #include "harness/campaign/envelope_rows.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
@@ -109,10 +109,6 @@ EnvelopeColumn IdentityOf(const FirmwareColumn& column) {
           BuildOf(column.means.clients)};
 }
 
-bool IsOneOf(const std::string& pattern, std::string_view type) {
-  return fnmatch(pattern.c_str(), std::string(type).c_str(), 0) == 0;
-}
-
 // "frame.delay" or "frame.delay:to_client".
 EnvelopeRow MapRow(const std::string& text, const VehicleSignals& signals) {
   const std::size_t colon = text.find(':');
@@ -137,7 +133,7 @@ EnvelopeRow MapRow(const std::string& text, const VehicleSignals& signals) {
 std::vector<EnvelopeRow> RowsOf(const EnvelopeOptions& options, const VehicleSignals& signals) {
   std::vector<EnvelopeRow> rows;
   for (const std::string& pattern : options.types) {
-    const auto matches = [&](const auto& type) { return IsOneOf(pattern, type.name); };
+    const auto matches = [&](const auto& type) { return MatchesType(pattern, type.name); };
     if (std::none_of(faults::FaultTypes().begin(), faults::FaultTypes().end(), matches))
       throw UsageError(
           fmt::format("--types {}: matches no fault type; `tiltproof faults` prints them all", pattern));
@@ -147,7 +143,7 @@ std::vector<EnvelopeRow> RowsOf(const EnvelopeOptions& options, const VehicleSig
         options.types.empty()
             ? options.map.empty()
             : std::any_of(options.types.begin(), options.types.end(),
-                          [&](const std::string& pattern) { return IsOneOf(pattern, type.name); });
+                          [&](const std::string& pattern) { return MatchesType(pattern, type.name); });
     if (!wanted) continue;
     const std::vector<EnvelopeRow> of_type = EnvelopeRows(type, signals);
     rows.insert(rows.end(), of_type.begin(), of_type.end());
@@ -168,38 +164,14 @@ std::string RowName(const EnvelopeRow& row) {
 // Sorts a column's rows into those that its firmware can take and the others.
 void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& rows, EnvelopePlan& plan) {
   const VehicleSignals& signals = column.base.model->signals();
-  const std::size_t place = *FindPlaceholder(column.base.scenario);
-  const ClientAbilities abilities =
-      AbilitiesOf(column.means.ClientsOf(column.base.scenario).front(), column.means.realtime);
   const auto leave_out = [&](const EnvelopeRow& row, const std::string& reason) {
     plan.not_applicable.push_back({std::string(row.type->name), row.place + row.side, column.name, reason});
   };
-  Suite suite;
-  std::map<std::string, std::string> reasons;
-  for (const EnvelopeRow& row : rows) {
-    SuiteScenario entry = column.base;
-    entry.scenario = WithRow(column.base.scenario, row, signals);
-    entry.scenario.name = RowName(row);
-    entry.named = false;
-    const faults::FaultSpec& fault = entry.scenario.faults[place];
-    if (const auto problem = faults::ProtocolProblem(fault, *entry.scenario.link.protocol))
-      reasons[RowName(row)] = problem->message;
-    else if (auto why = Unsupported(fault, *row.type, abilities))
-      reasons[RowName(row)] = std::move(*why);
-    else
-      suite.scenarios.push_back(std::move(entry));
-  }
-  for (const NotApplicable& other : RemoveNotApplicable(column.means, false, suite))
-    reasons[other.name] = other.reason;
-  for (const EnvelopeRow& row : rows) {
-    if (const auto reason = reasons.find(RowName(row)); reason != reasons.end()) {
-      leave_out(row, reason->second);
-      continue;
-    }
-    // All of it would be survived.
-    const faults::FaultSpec fault = WithRow(column.base.scenario, row, signals).faults[place];
-    if (const auto reason = faults::Unsuited(fault, *row.type, signals)) {
-      leave_out(row, *reason);
+  const std::vector<std::string> reasons = ReasonsAgainst(column.means, column.base, rows);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const EnvelopeRow& row = rows[i];
+    if (!reasons[i].empty()) {
+      leave_out(row, reasons[i]);
       continue;
     }
     MarginTask task;

@@ -10,6 +10,7 @@
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/scenario_comment.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/report/json_text.h"
@@ -21,25 +22,6 @@ namespace tiltproof::harness {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::size_t kCommentColumns = 110;
-
-// Behind a "#", in lines of a width that can be read.
-std::string Comment(const std::string& text) {
-  std::string lines, line = "#";
-  std::size_t from = 0;
-  const std::string plain = Plain(text);
-  while (from < plain.size()) {
-    const std::size_t to = std::min(plain.find(' ', from), plain.size());
-    if (line.size() > 1 && line.size() + 1 + to - from > kCommentColumns) {
-      lines += line + '\n';
-      line = "#  ";
-    }
-    line += ' ' + plain.substr(from, to - from);
-    from = to + 1;
-  }
-  return lines + line + '\n';
-}
 
 // In the order of their names, without hidden ones and what is half written.
 std::vector<fs::path> FilesIn(const fs::path& folder) {

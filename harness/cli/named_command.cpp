@@ -11,6 +11,15 @@
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
+namespace {
+
+bool TakesArguments(const CLI::App& app) {
+  const auto options = app.get_options();
+  return std::any_of(options.begin(), options.end(),
+                     [](const CLI::Option* option) { return option->get_positional(); });
+}
+
+}  // namespace
 
 NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& arguments) {
   NamedCommand command{.app = &app, .typed = app.get_name(), .trouble = {}};
@@ -20,6 +29,8 @@ NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& ar
     std::vector<std::string> names;
     for (const auto* known : commands) names.push_back(known->get_name());
     const auto found = std::find(names.begin(), names.end(), argument);
+    // `campaign FILE` stands beside `campaign show`.
+    if (found == names.end() && TakesArguments(*command.app)) break;
     if (found == names.end()) {
       command.trouble = command.typed + ": unknown command '" + argument + "'" +
                         DidYouMean(argument, std::vector<std::string_view>(names.begin(), names.end()));

@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 
+#include "harness/campaign/campaign_page.h"
 #include "harness/campaign/envelope_page.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/shared_options.h"
@@ -19,10 +20,11 @@ namespace tiltproof::harness {
 namespace {
 
 struct ReportOptions {
-  std::vector<std::filesystem::path> runs;  // folders of runs, or of flights; or one of an envelope
-  std::filesystem::path out;                // empty: report.html in the only run's folder, or here
-  std::filesystem::path baseline;           // empty: none
-  std::string program = "tiltproof";        // as it was called, for commands on the page
+  std::vector<std::filesystem::path>
+      runs;                           // folders of runs, or of flights; or one of an envelope or a campaign
+  std::filesystem::path out;          // empty: report.html in the only run's folder, or here
+  std::filesystem::path baseline;     // empty: none
+  std::string program = "tiltproof";  // as it was called, for commands on the page
 };
 
 std::vector<double> Numbers(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
@@ -47,15 +49,17 @@ void WarnOfChanges(const std::filesystem::path& flight) {
   }
 }
 
-int ReportEnvelope(const ReportOptions& options) {
+// The page of an envelope or a campaign: `name`.html beside its files.
+int ReportSearch(const ReportOptions& options, const std::string& name, decltype(EnvelopePage)& page) {
   if (options.runs.size() > 1)
-    throw UsageError("report: an envelope has a page of its own: give its folder alone");
-  if (!options.baseline.empty()) throw UsageError("report: --baseline is for runs, not for an envelope");
+    throw UsageError(fmt::format("report: the {} has a page of its own: give its folder alone", name));
+  if (!options.baseline.empty())
+    throw UsageError(fmt::format("report: --baseline is for runs; this is a folder of `{}`", name));
   namespace fs = std::filesystem;
   const fs::path& folder = options.runs.front();
-  const fs::path out = options.out.empty() ? folder / "envelope.html" : options.out;
+  const fs::path out = options.out.empty() ? folder / (name + ".html") : options.out;
   const fs::path to_folder = fs::relative(folder, fs::absolute(out).parent_path());
-  WriteFile(out, EnvelopePage(folder, to_folder, options.program));
+  WriteFile(out, page(folder, to_folder, options.program));
   Print(stdout, "report: {}\n", out.string());
   return kExitGreen;
 }
@@ -116,11 +120,18 @@ std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::
   return Written(folder / "envelope.html", [&] { return EnvelopePage(folder, ".", program); });
 }
 
+std::optional<std::filesystem::path> WriteCampaignReport(const std::filesystem::path& folder,
+                                                         const std::string& program) {
+  return Written(folder / "campaign.html", [&] { return CampaignPage(folder, ".", program); });
+}
+
 namespace {
 
 int ReportCommand(const ReportOptions& options) {
   for (const auto& path : options.runs)
-    if (HoldsEnvelope(path)) return ReportEnvelope(options);
+    if (HoldsEnvelope(path)) return ReportSearch(options, "envelope", EnvelopePage);
+  for (const auto& path : options.runs)
+    if (HoldsCampaign(path)) return ReportSearch(options, "campaign", CampaignPage);
   std::vector<ReportedRun> runs;
   for (const auto& path : options.runs) {
     const OldRun run = OpenRun(path);
@@ -158,7 +169,7 @@ void RegisterReport(CLI::App& program, CommandLine& line) {
       program.add_subcommand("report", "Write one page that shows runs, for a browser (report.html)");
   command
       ->add_option("RUN", options->runs,
-                   "Results folders of runs, or of scenarios in them; or one of an envelope")
+                   "Results folders of runs, or of scenarios in them; or one of an envelope or a campaign")
       ->required();
   command->add_option("--out", options->out,
                       "The file (default: report.html in the folder of the only RUN, otherwise here)");

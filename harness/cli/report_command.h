@@ -1,4 +1,4 @@
-// The report of a run as `run` and `report` write it, and that of an envelope.
+// The report of a run as `run` and `report` write it, and those of an envelope and a campaign.
 #pragma once
 
 #include <filesystem>
@@ -18,6 +18,9 @@ std::string PageOf(const RunView& view);
 std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& folder);
 // The same of envelope.html.
 std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::path& folder,
+                                                         const std::string& program);
+// The same of campaign.html.
+std::optional<std::filesystem::path> WriteCampaignReport(const std::filesystem::path& folder,
                                                          const std::string& program);
 
 // The vehicle as the page draws it.

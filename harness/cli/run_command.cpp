@@ -18,6 +18,7 @@
 #include "harness/cli/run_record.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/cli/sweep_table.h"
 #include "harness/client/debugger.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
@@ -88,7 +89,7 @@ std::vector<SuiteScenario> Select(std::vector<SuiteScenario> scenarios, const Ru
 
 // The command that flies a flight again that cannot be replayed from its folder.
 std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const std::filesystem::path& file,
-                     std::uint64_t seed) {
+                     std::uint64_t seed, const std::vector<KeySetting>& settings = {}) {
   std::string command = fmt::format("{} run {}", options.command.front(), file.string());
   if (means.realtime) command += " --mode realtime";
   if (means.distributed) command += " --distributed=" + options.distributed;
@@ -97,6 +98,7 @@ std::string FlyAgain(const RunOptions& options, const FlightMeans& means, const 
   if (means.domain != 0) command += fmt::format(" --domain {}", means.domain);
   if (!means.interface.empty()) command += " --interface " + means.interface;
   if (!means.peers.empty()) command += fmt::format(" --peers {}", fmt::join(means.peers, ","));
+  for (const KeySetting& setting : settings) command += " --set " + Quoted(ToText(setting));
   return command + fmt::format(" --seed {}", seed);
 }
 
@@ -201,6 +203,7 @@ std::optional<int> SelectFlights(const RunOptions& options, SelectedFlights& fli
   suite = LoadSuite(options.paths, flights.means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
+  Sweep(ReadSweep(options.settings), flights.means.clients, options.firmware, suite);
   std::optional<std::vector<NotGreen>> last;
   if (options.last_failed) {
     last = NotGreenOfLastRun(options.out);
@@ -268,13 +271,16 @@ RunInfo RunInfoOf(const RunOptions& options, const SelectedFlights& flights) {
 }
 
 // Gives each flight its folder in the run's, and the command that flies it again.
-void SetFolders(const RunOptions& options, const FlightMeans& means, const RunInfo& info,
+void SetFolders(const RunOptions& options, const SelectedFlights& flights, const RunInfo& info,
                 const std::filesystem::path& folder, std::vector<FlightJob>& jobs) {
-  for (FlightJob& job : jobs) {
+  const FlightMeans& means = flights.means;
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    FlightJob& job = jobs[i];
     const std::filesystem::path flight_folder = folder / job.name;
     job.recorder = RecorderIn(flight_folder, info.keep, *info.trace);
     if (info.keep != Keep::kAll) {
-      job.replay = FlyAgain(options, means, std::filesystem::absolute(job.scenario.file), job.scenario.seed);
+      job.replay = FlyAgain(options, means, std::filesystem::absolute(job.scenario.file), job.scenario.seed,
+                            flights.suite.scenarios[flights.plan[i].scenario].settings);
     } else if (means.realtime) {
       job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", job.scenario.seed);
     } else {
@@ -309,6 +315,21 @@ FlownFlights Fly(const RunOptions& options, std::vector<FlightJob> jobs, const C
                                           }});
 }
 
+// Writes the results of --set into the run's folder, and prints them.
+void ShowSweep(const SelectedFlights& flights, const std::vector<FlightResult>& results,
+               const std::filesystem::path& folder, const Console& console) {
+  std::map<std::string, const SuiteScenario*> cell_of;
+  for (const PlannedRun& flight : flights.plan)
+    cell_of[flight.name] = &flights.suite.scenarios[flight.scenario];
+  std::vector<SweepRow> rows;
+  for (const FlightResult& result : results) {
+    const SuiteScenario& cell = *cell_of.at(result.name);
+    rows.push_back({cell.scenario.name, cell.settings, result});
+  }
+  WriteFile(folder / "results.csv", SweepCsv(rows));
+  for (const std::string& line : SweepTable(rows)) console.Line(line);
+}
+
 int RunCommand(const RunOptions& options) {
   const InterruptScope scope;
   SelectedFlights flights;
@@ -323,7 +344,7 @@ int RunCommand(const RunOptions& options) {
   if (LatestIsTaken(options.out))
     Print(stderr, "warning: {} is not a link and stays as it is; this run is in {}\n",
           (options.out / "latest").string(), folder.string());
-  SetFolders(options, flights.means, info, folder, jobs);
+  SetFolders(options, flights, info, folder, jobs);
 
   std::optional<LivePage> live;
   if (page_socket) live.emplace(*page_socket, options, flights.means, info, folder, jobs);
@@ -339,6 +360,7 @@ int RunCommand(const RunOptions& options) {
   std::optional<std::filesystem::path> report;
   if (!options.no_report) report = WriteReport(folder);
   console.LeftOut(info.not_applicable);
+  if (!options.settings.empty()) ShowSweep(flights, flown.results, folder, console);
   if (options.repeat_count > 1)
     console.Repeated(RepeatsIn(flown.results, flights.suite.scenarios, flights.plan));
   console.Summary(flown.results, flown.not_flown.size(), info.not_applicable.size(), flown.interrupted,
@@ -351,6 +373,12 @@ void AddFlights(CLI::App& command, RunOptions& options) {
   command.add_option("PATH", options.paths, "Scenario files, or folders of them")->required();
   AddClients(command, options.clients);
   AddFirmware(command, options.firmware);
+  command
+      .add_option("--set", options.settings,
+                  "Fly each scenario with each of these values of a key, by its path "
+                  "(faults.ID.parameters.probability, initial.position_m.2); several flags make a grid")
+      ->type_name("PATH=V1,V2,...")
+      ->allow_extra_args(false);
   command
       .add_option("--mode", options.mode,
                   "How time passes: lockstep (virtual) or realtime (nodes, real ports)")

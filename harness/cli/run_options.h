@@ -20,7 +20,8 @@ struct RunOptions {
   std::vector<std::string> peers;
   std::string expression;  // -k
   std::string tag;
-  std::string firmware;  // build that every scenario flies; empty: its own
+  std::vector<std::string> settings;  // --set
+  std::string firmware;               // build that every scenario flies; empty: its own
   std::optional<std::uint64_t> seed;
   std::vector<std::string> watch;
   int repeat_count = 1;

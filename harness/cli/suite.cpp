@@ -208,16 +208,50 @@ std::string LineWarning(const Scenario& scenario) {
 
 }  // namespace
 
-Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
-                const std::string& build) {
-  ModelCache models;
+namespace {
+
+ReadOptions SuiteReadOptions(ModelCache& models, const RunClients& clients) {
   ReadOptions options = MakeReadOptions(models);
   const auto named = clients.Named();
   const bool shipped = std::all_of(named.begin(), named.end(), [](const ClientSpec& client) {
     return AbilitiesOf(client, false).shipped;
   });
   if (shipped) options.firmware_names.assign(kShippedBuilds.begin(), kShippedBuilds.end());
-  if (shipped && !build.empty()) CheckBuild(build);
+  return options;
+}
+
+// The reasons that the scenario cannot be flown.
+std::vector<std::string> ProblemsOf(const Scenario& scenario, const plant::VehicleModel& model,
+                                    const RunClients& clients) {
+  std::vector<std::string> problems = {StartProblem(scenario, model)};
+  for (std::size_t client = 0; client < scenario.client_count(); ++client)
+    problems.push_back(BuildProblem(scenario, model, client,
+                                    AbilitiesOf(clients.Of(scenario.client_id(client)), false).shipped));
+  std::erase(problems, "");
+  return problems;
+}
+
+// The flags in place of the lines that stand for them.
+[[noreturn]] void ThrowOfSettings(const ScenarioError& error, const std::vector<KeySetting>& settings) {
+  std::vector<std::string> problems;
+  for (const Diagnostic& problem : error.diagnostics()) {
+    const std::optional<std::size_t> setting = SettingOfLine(problem.line);
+    if (setting)
+      problems.push_back(fmt::format("--set {}: {} ({})", ToText(settings.at(*setting)), problem.message,
+                                     problem.file.string()));
+    else
+      problems.push_back(fmt::format("{}, with --set {}", ToString(problem), ToText(settings.front())));
+  }
+  throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
+}
+
+}  // namespace
+
+Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
+                const std::string& build) {
+  ModelCache models;
+  const ReadOptions options = SuiteReadOptions(models, clients);
+  if (!options.firmware_names.empty() && !build.empty()) CheckBuild(build);
   if (build.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") != std::string::npos)
     throw UsageError(fmt::format("--firmware {}: must be lower-case letters, digits and '_'", build));
   const FoundScenarios found = FindScenarios(paths);
@@ -233,14 +267,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   for (std::size_t i = 0; i < scenarios.size(); ++i) {
     if (!build.empty()) scenarios[i].FlyFirmware(build);
     auto model = models.Load(scenarios[i].model_file, scenarios[i].allow_invalid_inertia);
-    const auto add = [&](std::string problem) {
-      if (!problem.empty()) problems.push_back(std::move(problem));
-    };
-    add(StartProblem(scenarios[i], *model));
-    for (std::size_t client = 0; client < scenarios[i].client_count(); ++client)
-      add(BuildProblem(scenarios[i], *model, client,
-                       AbilitiesOf(clients.Of(scenarios[i].client_id(client)), false).shipped));
-    suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named});
+    for (std::string& problem : ProblemsOf(scenarios[i], *model, clients))
+      problems.push_back(std::move(problem));
+    suite.scenarios.push_back({std::move(scenarios[i]), std::move(model), found.files[i].named, {}});
   }
   if (!problems.empty()) throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
   std::vector<const Scenario*> all;
@@ -258,6 +287,34 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
   return suite;
 }
 
+void Sweep(const std::vector<SweepAxis>& sweep, const RunClients& clients, const std::string& build,
+           Suite& suite) {
+  if (sweep.empty()) return;
+  ModelCache models;
+  const ReadOptions options = SuiteReadOptions(models, clients);
+  const std::vector<std::vector<KeySetting>> cells = CellsOf(sweep);
+  std::vector<SuiteScenario> swept;
+  for (const SuiteScenario& entry : suite.scenarios) {
+    const std::vector<std::string> names = CellNames(entry.scenario.name, cells);
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      SuiteScenario& cell = swept.emplace_back();
+      try {
+        cell.scenario = ReadScenarioWith(entry.scenario.file, cells[i], options);
+      } catch (const ScenarioError& error) {
+        ThrowOfSettings(error, cells[i]);
+      }
+      cell.scenario.name = names[i];
+      if (!build.empty()) cell.scenario.FlyFirmware(build);
+      cell.model = models.Load(cell.scenario.model_file, cell.scenario.allow_invalid_inertia);
+      cell.named = entry.named;
+      cell.settings = cells[i];
+      if (const auto problems = ProblemsOf(cell.scenario, *cell.model, clients); !problems.empty())
+        throw UsageError(fmt::format("{}, with --set {}", problems.front(), ToText(cells[i].front())));
+    }
+  }
+  suite.scenarios = std::move(swept);
+}
+
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder) {
   ModelCache models;
   return LoadFlown(scenario_folder, models);
@@ -273,9 +330,13 @@ LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder, ModelCach
   }
 }
 
+Scenario ReadResolvedText(const std::string& yaml, ModelCache& models) {
+  return ParseScenario(yaml, "announced scenario", MakeReadOptions(models));
+}
+
 LoadedScenario LoadAnnounced(const std::string& yaml) {
   ModelCache models;
-  Scenario scenario = ParseScenario(yaml, "announced scenario", MakeReadOptions(models));
+  Scenario scenario = ReadResolvedText(yaml, models);
   auto model = models.Load(scenario.model_file, scenario.allow_invalid_inertia);
   return {std::move(scenario), std::move(model)};
 }

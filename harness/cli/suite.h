@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/cli/sweep.h"
 #include "harness/run/remote/serve.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/reader.h"
@@ -45,7 +46,8 @@ class ModelCache {
 struct SuiteScenario {
   Scenario scenario;
   std::shared_ptr<const plant::VehicleModel> model;
-  bool named = false;  // its file is on the command line; otherwise it was found in a folder
+  bool named = false;                // its file is on the command line; otherwise it was found in a folder
+  std::vector<KeySetting> settings;  // of --set: they differ from the file
 };
 
 struct Suite {
@@ -60,6 +62,11 @@ struct Suite {
 Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClients& clients,
                 const std::string& build = "");
 
+// Puts a scenario for each cell of the grid in place of each scenario. `clients` and `build`: as it was loaded. Throws
+// UsageError, with the flag, for a setting that the scenario cannot have.
+void Sweep(const std::vector<SweepAxis>& sweep, const RunClients& clients, const std::string& build,
+           Suite& suite);
+
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);
 // The same for many folders, with the vehicles that are loaded already.
@@ -67,6 +74,8 @@ LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder, ModelCach
 
 // The scenario that a harness announces to its nodes, from a resolved scenario's text. Throws std::exception.
 LoadedScenario LoadAnnounced(const std::string& yaml);
+// The scenario of a text that WriteResolved() made, with the vehicles that are loaded already. Throws ScenarioError.
+Scenario ReadResolvedText(const std::string& yaml, ModelCache& models);
 
 // The scenario with a fault that a user injects while it flies in real time. Throws std::runtime_error with the mistake
 // in the fault, or the reason why it cannot act then.

@@ -10,6 +10,8 @@
 
 #include "harness/client/debugger.h"
 #include "harness/engine/flight_result.h"
+#include "harness/engine/forked_futures.h"
+#include "harness/run/future.h"
 #include "harness/run/realtime/injection.h"
 #include "harness/run/record.h"
 #include "harness/run/remote/distributed_flight.h"
@@ -64,6 +66,10 @@ struct FlightJob {
   std::function<std::unique_ptr<RecordSink>()> observe = {};
   // The faults that a user injects into a flight in real time; none: injection is off.
   std::function<Injections()> injections = {};
+  // It is this future of the scenario's flight. In lockstep, in one process.
+  std::optional<Future> future = {};
+  // Futures that are flown beside it, of a library in lockstep.
+  std::optional<FutureForks> forks = {};
 };
 
 FlightResult ErrorResult(const FlightJob& job, const std::string& reason);

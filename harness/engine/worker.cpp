@@ -61,11 +61,33 @@ BusPlace ChoosePlace(const FlightMeans& means, std::optional<dds::DomainSlot>& s
   return place;
 }
 
+// The job's flight, or its future, or both the flight and futures that are forked from it. `drawn_before`: set for a
+// future to the count of numbers that were drawn at random before it departs.
+RunLog FlyOrFork(const FlightJob& job, FlightOptions options, const std::atomic<bool>* interrupted,
+                 std::uint64_t& drawn_before) {
+  options.future = job.future;
+  if (job.future && job.future->from_ns != kPowerOn) {
+    options.moments = {job.future->from_ns};
+    options.at_moment = [&drawn_before](std::size_t /*moment*/) -> std::optional<Future> {
+      drawn_before = faults::Random::DrawnCount();
+      return std::nullopt;
+    };
+  }
+  const auto fly = [&](const FlightOptions& chosen) { return Fly(job.scenario, *job.model, chosen); };
+  if (!job.forks) return fly(options);
+  const auto judge = [&](const Scenario& scored, const RunLog& log) {
+    return MakeResult(job.name, scored, log, job.replay);
+  };
+  return ForkedFutures(*job.forks, job.scenario, judge, interrupted).Fly(std::move(options), fly);
+}
+
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
+// `drawn_before`: as FlyOrFork() sets it.
 // `client`: what must not end before the flight is judged.
 RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                   const std::function<const FlightResult&(const RunLog&)>& score,
-                  const Injections* injections, std::unique_ptr<Client>& client) {
+                  const Injections* injections, std::uint64_t& drawn_before,
+                  std::unique_ptr<Client>& client) {
   std::atomic<std::int64_t>* const progress_ns = &report.progress_ns;
   const Scenario& scenario = job.scenario;
   const FlightMeans& means = job.means;
@@ -119,7 +141,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   options.interrupted = interrupted;
   const std::unique_ptr<RecordSink> observer = job.observe ? job.observe() : nullptr;
   options.observer = observer.get();
-  return Fly(scenario, *job.model, options);
+  return FlyOrFork(job, std::move(options), interrupted, drawn_before);
 }
 
 // A firmware may fork, and its copy of this process fly on. There is one flight, and one result: that of the process which the
@@ -153,12 +175,15 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   }
   std::optional<FlightResult> result;
   const auto score = [&](const RunLog& log) -> const FlightResult& {
-    if (!result) result = MakeResult(job.name, scenario, log, job.replay);
+    if (!result)
+      result =
+          MakeResult(job.name, job.future ? WithFuture(scenario, *job.future) : scenario, log, job.replay);
     return *result;
   };
-  const std::uint64_t drawn_before = faults::Random::DrawnCount();
+  std::uint64_t drawn_before = faults::Random::DrawnCount();
   const pid_t worker = getpid();
-  RunLog log = FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, client);
+  RunLog log =
+      FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, drawn_before, client);
   EndCopyOf(worker);
   if (before) BlameForChanges(*before, log);
   // Flights of several processes draw elsewhere.

@@ -302,6 +302,10 @@ std::string PackFlight(const FlightView& view, const PackLimits& limits) {
   JsonWriter::Put(json["problems"], view.problems);
   JsonWriter::Put(json["bands"], view.bands);
   JsonWriter::Put(json["robustness"], view.robustness);
+  if (view.why) {
+    JsonWriter::Put(json["why"], *view.why);
+    json["why"].erase("curve");
+  }
   json["messages"] = MessagesJson(*view.scenario.link.protocol);
   json["framing"] = FramingJson(*view.scenario.link.protocol->framing);
   Json& ticks = json["ticks"] = Json::array();

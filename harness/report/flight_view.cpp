@@ -154,6 +154,35 @@ void AddComputed(const RunLog& log, const std::vector<TimeNs>& times_ns, FlightV
   }
 }
 
+// The chance at each row, on lines between the moments.
+void AddWhyCurve(FlightView& view) {
+  const std::vector<WhyPoint>& curve = view.why->curve;
+  const auto add = [&](const char* name, double WhyPoint::*part) {
+    FlightView::Series series{name, {}};
+    for (const TimeNs time_ns : view.times_ns) {
+      const double time_s = ToSeconds(time_ns);
+      const auto right = std::lower_bound(curve.begin(), curve.end(), time_s,
+                                          [](const WhyPoint& point, double t) { return point.time_s < t; });
+      double value = std::numeric_limits<double>::quiet_NaN();
+      if (right != curve.end() && right->time_s == time_s) {
+        value = (*right).*part;
+      } else if (right != curve.begin() && right != curve.end()) {
+        const WhyPoint& left = *std::prev(right);
+        const double share = (time_s - left.time_s) / (right->time_s - left.time_s);
+        value = left.*part + share * ((*right).*part - left.*part);
+      }
+      series.values.push_back(value);
+    }
+    view.computed.push_back(std::move(series));
+  };
+  add("why/probability", &WhyPoint::probability);
+  const bool is_random =
+      std::any_of(curve.begin(), curve.end(), [](const WhyPoint& point) { return point.low != point.high; });
+  if (!is_random) return;
+  add("why/low", &WhyPoint::low);
+  add("why/high", &WhyPoint::high);
+}
+
 }  // namespace
 
 std::vector<SignalBound> BoundsOf(const Scenario& scenario, const std::vector<std::string>& columns) {
@@ -213,6 +242,14 @@ FlightView ViewFlight(const std::filesystem::path& folder, const FlightResult& r
   } catch (const FileError& error) {
     view.problems.emplace_back(error.what());
   }
+  attempt("why.json", [&](const auto&) {
+    view.why = ReadWhy(folder);
+    if (view.why && view.why->trace_hash != result.trace_hash) {
+      view.why.reset();
+      throw std::runtime_error("it is of another flight; tiltproof why writes it again");
+    }
+    if (view.why) AddWhyCurve(view);
+  });
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
     const std::string file =
         scenario.has_several_clients() ? "firmware." + scenario.client_id(i) + ".log" : "firmware.log";

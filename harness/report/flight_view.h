@@ -15,6 +15,7 @@
 
 #include "harness/engine/flight_result.h"
 #include "harness/report/line_frames.h"
+#include "harness/report/why_file.h"
 #include "harness/run/trace.h"
 #include "harness/scenario/scenario.h"
 #include "harness/score/stl.h"
@@ -95,6 +96,7 @@ struct FlightView {
   // Signals, then criteria: robustness_lower/<name> and robustness_upper/<name>, NaN outside their windows.
   std::vector<Series> computed;
   std::vector<RobustnessCurve> robustness;
+  std::optional<WhyFile> why;  // its curve is in `computed`: why/probability, why/low, why/high
   std::vector<FaultBand> bands;
   std::vector<FaultTick> ticks;
   std::vector<FlightEvent> events;  // the first kEventsMax

@@ -5,6 +5,7 @@
 // The built pages.
 TILTPROOF_EMBED(tiltproof_report_page, TILTPROOF_REPORT_PAGE_FILE)
 TILTPROOF_EMBED(tiltproof_envelope_page, TILTPROOF_ENVELOPE_PAGE_FILE)
+TILTPROOF_EMBED(tiltproof_campaign_page, TILTPROOF_CAMPAIGN_PAGE_FILE)
 TILTPROOF_EMBED(tiltproof_integrity_page, TILTPROOF_INTEGRITY_PAGE_FILE)
 
 namespace tiltproof::harness {
@@ -19,6 +20,7 @@ std::string_view Checked(std::string_view page) {
 
 std::string_view PageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_report_page)); }
 std::string_view EnvelopePageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_envelope_page)); }
+std::string_view CampaignPageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_campaign_page)); }
 std::string_view IntegrityPageTemplate() { return Checked(TILTPROOF_EMBEDDED(tiltproof_integrity_page)); }
 
 std::string PageWith(std::string_view page, const std::string& data) {

@@ -41,6 +41,7 @@ std::string RunPage(std::string_view run_json, std::string_view details);
 // The pages without data; and the place in each where they go.
 std::string_view PageTemplate();
 std::string_view EnvelopePageTemplate();
+std::string_view CampaignPageTemplate();
 std::string_view IntegrityPageTemplate();
 inline constexpr std::string_view kDataPlace = "@TILTPROOF_DATA@";
 std::string PageWith(std::string_view page, const std::string& data);

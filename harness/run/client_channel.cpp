@@ -36,6 +36,7 @@ ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line&
       callbacks_(std::move(callbacks)),
       faults_(ClientFaults(scenario, client)),
       records_(sink, client),
+      commands_(ClientCommands(scenario, client)),
       reference_talk_(*scenario.link.protocol) {}
 
 void ClientChannel::PowerOn(
@@ -92,8 +93,19 @@ void ClientChannel::Command(Origin origin) {
   origin_ = origin;
   faults_.SetOrigin(origin);
   records_.SetOrigin(origin);
-  client_->Command(ClientCommands(scenario_, index_), origin);
+  client_->Command(commands_, origin);
   commanded_ = true;
+}
+
+void ClientChannel::CutCommands(const Future& future) {
+  const auto is_cut = [&](const faults::DeviceCommand& command) {
+    return std::ranges::find(future.cut, command.fault) != future.cut.end();
+  };
+  std::erase_if(commands_, [&](const faults::DeviceCommand& command) {
+    return is_cut(command) && command.at_ns >= future.from_ns;
+  });
+  for (faults::DeviceCommand& command : commands_)
+    if (is_cut(command)) command.until_ns = std::min(command.until_ns, future.from_ns);
 }
 
 void ClientChannel::Run(BootTime now, BootTime horizon) {

@@ -20,6 +20,7 @@
 
 #include "faults/schedule.h"
 #include "harness/client/client.h"
+#include "harness/run/future.h"
 #include "harness/run/line.h"
 #include "harness/run/record_stream.h"
 #include "harness/run/reference_talk.h"
@@ -60,6 +61,8 @@ class ClientChannel {
   void BeginTurn(BootTime now);
   // Called once t = 0 is known: tells the client what the faults on its board do, and when.
   void Command(Origin origin);
+  // Called before the flight: in this future of it, the faults that are cut give the client no commands after their end.
+  void CutCommands(const Future& future);
   // Gives the client the bytes that have arrived and runs it: a library at `now`, an emulator up to `horizon`
   // at most.
   void Run(BootTime now, BootTime horizon);
@@ -94,6 +97,7 @@ class ClientChannel {
   record::ClientEnd totals_;
   std::int64_t receive_overruns_count_ = 0;
   Origin origin_;
+  std::vector<faults::DeviceCommand> commands_;
   bool commanded_ = false;  // in this turn
 
   BootTime now_ns_;   // of the turn under way

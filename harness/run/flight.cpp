@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "faults/random.h"
 #include "faults/registry.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/reference/trajectory.h"
@@ -20,6 +21,15 @@ namespace tiltproof::harness {
 namespace {
 
 using link::Direction;
+
+// A flight draws its own numbers, whatever flight the thread has flown before.
+class OwnDraws {
+ public:
+  OwnDraws() { faults::Random::Redraw(0); }
+  ~OwnDraws() { faults::Random::Redraw(0); }
+  OwnDraws(const OwnDraws&) = delete;
+  OwnDraws& operator=(const OwnDraws&) = delete;
+};
 
 // Counts in boot time.
 class Conductor {
@@ -44,6 +54,8 @@ class Conductor {
     }
   }
   void Conduct();
+  void MeetMoments(BootTime now);
+  void Become(const Future& future);
   void EndBy(const FirmwareTrouble& trouble) {
     End(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
     end_.firmware_end = trouble.end;
@@ -87,6 +99,8 @@ class Conductor {
   std::vector<std::pair<std::size_t, std::vector<std::uint8_t>>> own_messages_;  // and their clients
   BootTime next_reference_ns_ = BootTime::Never();
   std::optional<TimeNs> sampled_ns_;  // the last time
+  std::size_t moment_ = 0;            // of FlightOptions::moments, the next
+  bool departed_ = false;             // the future of the options has begun
 };
 
 Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
@@ -110,7 +124,11 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
 
 RunLog Conductor::Run() {
   const auto began = std::chrono::steady_clock::now();
+  const OwnDraws draws;
   try {
+    if (options_.future)
+      for (ClientChannel& channel : channels_) channel.CutCommands(*options_.future);
+    MeetMoments(BootTime::Earliest());
     Each([&](ClientChannel& channel) { channel.PowerOn(options_.make_client); });
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
@@ -131,6 +149,7 @@ void Conductor::Conduct() {
     BootTime next = std::min(next_reference_ns_, server_.state().next_send_ns);
     for (const ClientChannel& channel : channels_) next = std::min(next, channel.Next());
     now = std::max(now, next);
+    MeetMoments(now);
     if (EndsBefore(now)) return;
 
     if (now == next_reference_ns_) Sample(now);
@@ -148,6 +167,28 @@ void Conductor::Conduct() {
     }
     Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
   }
+}
+
+// Before the events at `now`.
+void Conductor::MeetMoments(BootTime now) {
+  const TimeNs time_ns = started() ? origin().SimulationTime(now) : kPowerOn;
+  while (moment_ < options_.moments.size() && started() && options_.moments[moment_] <= time_ns)
+    if (const auto future = options_.at_moment(moment_++)) {
+      moment_ = options_.moments.size();
+      Become(*future);
+    }
+  if (departed_ || !options_.future || options_.future->from_ns > time_ns) return;
+  departed_ = true;
+  Become(*options_.future);
+}
+
+void Conductor::Become(const Future& future) {
+  std::vector<faults::FaultEvent> cuts;
+  for (const std::size_t fault : future.cut)
+    cuts.push_back({faults::FaultEvent::Kind::kCut, fault, future.from_ns});
+  server_.Hear(cuts);
+  for (ClientChannel& channel : channels_) channel.Hear(cuts);
+  faults::Random::Redraw(future.draw);
 }
 
 // True if the flight ends before the events at `now`.

@@ -14,10 +14,13 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "harness/client/make_client.h"
+#include "harness/run/future.h"
 #include "harness/run/line.h"
 #include "harness/run/log_builder.h"
 #include "harness/run/plant_server.h"
@@ -38,6 +41,13 @@ struct FlightOptions {
   const std::atomic<bool>* interrupted = nullptr;
   // Gets the flight's records as they are made, and must not make it wait; may be null.
   RecordSink* observer = nullptr;
+  // The flight that is flown is this future of the scenario's.
+  std::optional<Future> future = {};
+  // Simulation times, ascending. `at_moment` is called with the index of each, before anything happens at or after it. The
+  // flight goes on as the future that it returns; none: as before. Such a future does not take back commands to a
+  // client's board. An end of the flight comes first.
+  std::vector<TimeNs> moments = {};
+  std::function<std::optional<Future>(std::size_t moment)> at_moment = {};
 };
 
 // Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or

@@ -239,15 +239,16 @@ void LocalPlantServer::Hear(std::span<const faults::FaultEvent> events) {
 }
 
 void LocalPlantServer::NoteActivations() {
-  std::vector<faults::FaultSchedule*> all = {&faults_};
-  for (ClientPart& own : clients_) all.push_back(&own.faults);
-  for (faults::FaultSchedule* from : all) {
-    const std::vector<faults::FaultEvent> events = from->PollEvents();
-    if (events.empty()) continue;
-    for (faults::FaultSchedule* other : all)
-      if (other != from) other->Hear(events);
+  const auto note = [&](faults::FaultSchedule& from) {
+    const std::vector<faults::FaultEvent> events = from.PollEvents();
+    if (events.empty()) return;
+    if (&from != &faults_) faults_.Hear(events);
+    for (ClientPart& own : clients_)
+      if (&own.faults != &from) own.faults.Hear(events);
     news_.insert(news_.end(), events.begin(), events.end());
-  }
+  };
+  note(faults_);
+  for (ClientPart& own : clients_) note(own.faults);
 }
 
 void LocalPlantServer::Finish(BootTime end, const AllCounts& counts) {

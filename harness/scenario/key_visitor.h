@@ -19,6 +19,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "link/time.h"
@@ -77,6 +78,9 @@ struct NamedChoices {
   std::vector<std::pair<std::string, std::size_t>> by_name;  // in the file's order; empty: `all` was written
 };
 
+// A number or a word.
+using NumberOrWord = std::variant<double, std::string>;
+
 class KeyVisitor {
  public:
   using Body = std::function<void(KeyVisitor&)>;
@@ -102,6 +106,8 @@ class KeyVisitor {
   virtual void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) = 0;
   virtual void Point(const Key& key, std::array<double, 3>& value, Range range) = 0;
   virtual void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) = 0;
+  // Numbers and words, in a list; an empty list represents a key that is absent. No scenario has such a key.
+  virtual void Values(const Key& /*key*/, std::vector<NumberOrWord>& /*value*/) {}
   // One of several words; nullopt represents a key that is absent.
   virtual void Choice(const Key& key, std::span<const std::string_view> words,
                       std::optional<std::size_t>& index) = 0;
@@ -150,5 +156,8 @@ void ListOf(KeyVisitor& v, const Key& key, std::vector<Item>& items, Describe de
 }
 
 inline constexpr std::size_t kListItemsMax = 1000;
+
+// The described keys as YAML, every value written out.
+std::string WriteKeys(const KeyVisitor::Body& describe);
 
 }  // namespace tiltproof::harness

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <functional>
+#include <limits>
 #include <map>
 #include <regex>
 #include <string>
@@ -88,6 +89,8 @@ void MappingReader::ComplainKind(std::string_view key, const YamlNode& node, std
     Complain(node.mark, fmt::format("{}: expected {}, found {}", key, expected, Describe(node)));
   }
 }
+
+constexpr Range kAnyNumber = {std::numeric_limits<double>::lowest(), std::numeric_limits<double>::max()};
 
 std::optional<double> MappingReader::ReadNumber(std::string_view key, const YamlNode& node, Range range) {
   if (node.kind != YamlNode::Kind::kNumber) {
@@ -274,6 +277,21 @@ void MappingReader::Texts(const Key& key, std::vector<std::string>& value, const
   value.clear();
   for (const YamlNode& item : *items) {
     if (auto text = ReadText(key.name, item, rule)) value.push_back(*std::move(text));
+  }
+}
+
+void MappingReader::Values(const Key& key, std::vector<NumberOrWord>& value) {
+  const YamlNode* node = Take(key);
+  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (items == nullptr) return;
+  if (items->empty()) Complain(node->mark, fmt::format("{}: the list is empty", key.name));
+  value.clear();
+  for (const YamlNode& item : *items) {
+    if (item.kind == YamlNode::Kind::kText) {
+      value.emplace_back(item.text);
+    } else if (const auto number = ReadNumber(key.name, item, kAnyNumber)) {
+      value.emplace_back(*number);
+    }
   }
 }
 

@@ -31,6 +31,7 @@ class MappingReader : public KeyVisitor {
   void Texts(const Key& key, std::vector<std::string>& value, const TextRule& rule) override;
   void Point(const Key& key, std::array<double, 3>& value, Range range) override;
   void Points(const Key& key, std::vector<std::array<double, 3>>& value, Range range) override;
+  void Values(const Key& key, std::vector<NumberOrWord>& value) override;
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override;
   void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) override;

@@ -20,9 +20,12 @@ namespace {
 // The longest duration of a fault that is added.
 constexpr double kInjectedMax_s = 14'400;
 
-Scenario Interpret(const std::filesystem::path& file, YamlNode& root, const ReadOptions& options,
-                   std::vector<YamlProblem>& problems) {
+Scenario Interpret(
+    const std::filesystem::path& file, YamlNode& root, const ReadOptions& options,
+    std::vector<YamlProblem>& problems,
+    const std::function<void(YamlNode& root)>& change = [](const auto&) {}) {
   ResolveCompounds(root, problems);
+  change(root);
   Scenario scenario;
   scenario.file = file;
   MappingReader reader(root, problems);
@@ -45,6 +48,10 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
                     fmt::format("this is a protocol file, not a scenario: a scenario names it with `link: "
                                 "{{protocol: {}}}`",
                                 file.filename().string())}});
+  if (const YamlEntry* campaign = root.Find("campaign");
+      campaign != nullptr && root.Find("scenarios") != nullptr)
+    ThrowProblems(file, {{campaign->key_mark,
+                          "this is a campaign file, not a scenario: fly it with `tiltproof campaign`"}});
   Scenario scenario = Interpret(file, root, options, problems);
   return {std::move(scenario), root.Find("name")->value.mark};
 }
@@ -107,6 +114,18 @@ void SetWindow(const AddedFault& fault, YamlNode& node, std::vector<YamlProblem>
 
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options) {
   return Read(file, ReadYamlText(file), options).first;
+}
+
+Scenario ReadScenarioWith(const std::filesystem::path& file, std::span<const KeySetting> settings,
+                          const ReadOptions& options) {
+  const std::string text = ReadYamlText(file);
+  std::vector<YamlProblem> problems;
+  // The file alone is valid: what is wrong afterwards is a setting's fault.
+  const std::string resolved_text = WriteResolved(Read(file, text, options).first);
+  const YamlNode resolved = ParseMapping(resolved_text, file, problems);
+  YamlNode root = ParseMapping(text, file, problems);
+  return Interpret(file, root, options, problems,
+                   [&](YamlNode& tree) { SetKeys(settings, resolved, tree, problems); });
 }
 
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,

@@ -19,6 +19,7 @@
 
 #include "harness/scenario/diagnostic.h"
 #include "harness/scenario/scenario.h"
+#include "harness/scenario/set_keys.h"
 #include "link/signal_table.h"
 
 namespace tiltproof::harness {
@@ -66,6 +67,9 @@ struct ReadOptions {
 // Fills in every default and resolves the model's and a recorded reference's file (absolute). Throws
 // ScenarioError.
 Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& options);
+// The same with other values for some keys. A problem of a setting has a line of SettingOfLine().
+Scenario ReadScenarioWith(const std::filesystem::path& file, std::span<const KeySetting> settings,
+                          const ReadOptions& options);
 // The same for a text from another source; `file` names it in messages.
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
                        const ReadOptions& options);

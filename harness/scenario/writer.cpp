@@ -57,6 +57,14 @@ class Writer : public KeyVisitor {
     for (const auto& point : value) points.push_back(PointText(point));
     Line(key, fmt::format("[{}]", fmt::join(points, ", ")));
   }
+  void Values(const Key& key, std::vector<NumberOrWord>& value) override {
+    std::vector<std::string> texts;
+    for (const NumberOrWord& one : value) {
+      const auto* word = std::get_if<std::string>(&one);
+      texts.push_back(word != nullptr ? Quoted(*word) : fmt::format("{}", std::get<double>(one)));
+    }
+    if (!texts.empty()) Line(key, fmt::format("[{}]", fmt::join(texts, ", ")));
+  }
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override {
     if (index) Line(key, std::string(words[*index]));
@@ -131,8 +139,12 @@ std::string WriteResolved(const Scenario& scenario) {
   if (auto* recorded = std::get_if<RecordedReference>(&resolved.reference.path)) {
     recorded->file = std::filesystem::absolute(recorded->file);
   }
+  return WriteKeys([&](KeyVisitor& writer) { DescribeScenario(writer, resolved); });
+}
+
+std::string WriteKeys(const KeyVisitor::Body& describe) {
   Writer writer;
-  DescribeScenario(writer, resolved);
+  describe(writer);
   return writer.Take();
 }
 

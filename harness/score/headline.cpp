@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <string_view>
 
 namespace tiltproof::harness {
@@ -39,6 +40,21 @@ const CriterionResult* HeadlineCriterion(const Score& score) {
 std::optional<double> LeastMargin(const Score& score) {
   const CriterionResult* least = HeadlineCriterion(score);
   return least == nullptr ? std::nullopt : least->margin;
+}
+
+const CriterionResult* FirstViolated(const Score& score) {
+  const auto time_s = [](const CriterionResult& criterion) {
+    return criterion.time_s.value_or(std::numeric_limits<double>::infinity());
+  };
+  const CriterionResult* first = nullptr;
+  for (const CriterionResult& criterion : score.criteria)
+    if (criterion.verdict == Verdict::kFail && (first == nullptr || time_s(criterion) < time_s(*first)))
+      first = &criterion;
+  return first;
+}
+
+bool Survived(const Score& score) {
+  return score.verdict == Verdict::kPass || score.cause == VerdictCause::kNeverActivated;
 }
 
 }  // namespace tiltproof::harness

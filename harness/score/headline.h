@@ -24,4 +24,9 @@ const CriterionResult* HeadlineCriterion(const Score& score);
 // The margin of that criterion.
 std::optional<double> LeastMargin(const Score& score);
 
+// The first violated criterion of a flight that failed; one without a time comes last. Null when none was violated.
+const CriterionResult* FirstViolated(const Score& score);
+// True if nothing is wrong with the flight: it passed, or its faults were too mild to act.
+bool Survived(const Score& score);
+
 }  // namespace tiltproof::harness

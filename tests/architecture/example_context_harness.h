@@ -30,6 +30,9 @@ extern const VehicleSignals signals;
 extern const FlightJob job;
 extern const Severity severity;
 
+// harness/campaign/campaign_store.h
+extern const std::vector<CampaignRun> runs;
+
 // harness/campaign/envelope_rows.h
 extern const faults::FaultType* type;
 extern const Scenario base;
@@ -45,8 +48,31 @@ extern const examples::Function Complain;
 // harness/campaign/hostile_sequence.h
 extern const Scenario base;
 
+// harness/campaign/why_flights.h
+extern const MomentRange range;
+
 // harness/campaign/trials.h
 extern const examples::Function Take;
+
+// harness/campaign/smallest_failure.h
+#include "harness/scenario/reader.h"
+extern const Scenario scenario;
+std::optional<Flown> Fly(const Scenario& flown);
+extern const examples::Function Write;
+
+// harness/scenario/set_keys.h
+#include "harness/scenario/reader.h"
+extern const ReadOptions options;
+
+// harness/cli/sweep.h
+extern const examples::Function Fly;
+
+// harness/cli/sweep_table.h
+#include "harness/cli/console.h"
+#include "harness/report/files.h"
+extern const std::vector<SweepRow> rows;
+extern const std::filesystem::path folder;
+extern const Console console;
 
 // harness/cli/command_table.h
 extern const CLI::App& app;
@@ -243,6 +269,13 @@ extern double sender_bit_ns;
 // harness/emulator/diagnosis/watched_variable.h
 extern std::span<const std::uint8_t> bytes;
 
+// harness/engine/forked_futures.h
+#include "harness/engine/flight_job.h"
+extern const std::shared_ptr<const plant::VehicleModel> model;
+extern const Scenario scenario;
+extern const FlightMeans means;
+extern const std::array<int, 2> pipe_ends;
+
 // harness/engine/engine.h
 extern const std::shared_ptr<const plant::VehicleModel> model;
 
@@ -300,6 +333,10 @@ extern TimeNs limit_ns;
 // harness/reference/reference_point.h
 #include "harness/reference/trajectory.h"
 extern const Trajectory trajectory;
+
+// harness/report/why_file.h
+extern const std::filesystem::path folder;
+extern const examples::Function Draw;
 
 // harness/report/build_id.h
 #include "harness/report/results.h"
@@ -373,6 +410,9 @@ extern PlantServer& server;
 extern const PlantServer::Reply reply;
 extern RecordSink& sink;
 extern const Record record;
+
+// harness/run/future.h
+#include "harness/run/flight.h"
 
 // harness/run/arbiter.h
 extern std::vector<double> commanded;

@@ -12,6 +12,7 @@ const out = process.argv[2] ?? join(here, "dist");
 const PAGES = [
   { name: "report", script: "src/main.js", style: "src/style.css", packages: ["uplot", "three"] },
   { name: "envelope", script: "src/envelope.js", style: "src/envelope.css", packages: [] },
+  { name: "campaign", script: "src/campaign.js", style: "src/campaign.css", packages: [] },
   { name: "integrity", script: "src/integrity.js", style: "src/integrity.css", packages: [] },
 ];
 

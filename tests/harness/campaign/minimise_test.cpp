@@ -40,7 +40,7 @@ TEST(Minimise, FindsTheOneCauseThatAllSubsetsShow) {
       ++tests_count;
       return (MaskOf(list) & cause) == cause;
     };
-    const List found = Minimise<int>(Whole(size), fails, 10'000);
+    const List found = Minimise<int>(Whole(size), fails, {.tests_max = 10'000});
     std::uint32_t smallest = (1U << size) - 1;
     for (std::uint32_t subset = 1; subset < 1U << size; ++subset)
       if ((subset & cause) == cause && std::popcount(subset) < std::popcount(smallest)) smallest = subset;
@@ -58,7 +58,7 @@ TEST(Minimise, NothingMoreCanBeLeftOutAlone) {
     for (auto&& entry : table) entry = random.Below(3) == 0;
     table.back() = true;
     const auto fails = [&](const List& list) { return bool{table[MaskOf(list)]}; };
-    const List found = Minimise<int>(Whole(size), fails, 100'000);
+    const List found = Minimise<int>(Whole(size), fails, {.tests_max = 100'000});
     ASSERT_FALSE(found.empty());
     EXPECT_TRUE(fails(found));
     EXPECT_TRUE(std::is_sorted(found.begin(), found.end()));
@@ -76,11 +76,11 @@ TEST(Minimise, StopsWhereItMayTestNoMore) {
     ++tests_count;
     return list.size() >= 3;
   };
-  const List found = Minimise<int>(Whole(100), fails, 5);
+  const List found = Minimise<int>(Whole(100), fails, {.tests_max = 5});
   EXPECT_EQ(tests_count, 5U);
   EXPECT_GE(found.size(), 3U);
-  EXPECT_EQ(Minimise<int>(Whole(4), fails, 0), Whole(4));
-  EXPECT_TRUE(Minimise<int>({}, fails, 5).empty());
+  EXPECT_EQ(Minimise<int>(Whole(4), fails, {.tests_max = 0}), Whole(4));
+  EXPECT_TRUE(Minimise<int>({}, fails, {.tests_max = 5}).empty());
 }
 
 }  // namespace

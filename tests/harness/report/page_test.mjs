@@ -493,6 +493,30 @@ function changeFlight(file, id, change) {
   writeFileSync(file, text.slice(0, begin) + Buffer.concat([u32(packed.length), packed, bytes.subarray(4 + size)]).toString("base64") + text.slice(end));
 }
 
+check("the curve of why, and its line in all figures", async () => {
+  const run = join(out, "why");
+  cpSync(flown.run, run, { recursive: true });
+  const before = await openFlight(flown.page, lost);
+  assert.equal(await before.locator("#plot-why").count(), 0);
+  await before.close();
+  execFileSync(tiltproof, ["why", join(run, lost), "--futures", "3"], { encoding: "utf8" });
+  const why = JSON.parse(readFileSync(join(run, lost, "why.json"), "utf8"));
+  const page = await openFlight(join(run, "report.html"), lost);
+  await page.locator("#plot-why").scrollIntoViewIfNeeded();
+  await page.waitForSelector("#plot-why canvas");
+  const figure = page.locator("#plot-why").locator("xpath=..");
+  assert.match(await figure.locator(".hint").textContent(), new RegExp(`point of no return at ${why.point_of_no_return_s}.* needed: `));
+  assert.match(await page.locator("#figures > .hint").textContent(), /Dotted line: point of no return/);
+  // The chance at the cursor is that of the curve.
+  for (const point of [why.curve.find((p) => p.probability < 0.5), why.curve.find((p) => p.time_s === why.point_of_no_return_s)]) {
+    await page.evaluate((t) => (location.hash = location.hash.replace(/&t=[^&]*/, "") + `&t=${t}`), point.time_s);
+    await page.waitForFunction((t) => Math.abs(parseFloat(document.querySelector(".now").textContent) - t) < 0.002, point.time_s);
+    assert.equal(parseFloat(await figure.locator(".item .value").first().textContent()), point.probability);
+  }
+  await page.screenshot({ path: join(out, "why.png") });
+  await page.close();
+});
+
 check("a vehicle with four rotors and no hinge", async () => {
   const run = join(out, "quadrotor"), name = "paper-spiral-velocity";
   cpSync(flown.run, run, { recursive: true });
@@ -721,6 +745,53 @@ check("residual errors have a page with a curve for each kind of damage", async 
   assert.equal(await burst.locator("path.none").count(), 2 * own.length - above);
   await page.screenshot({ path: join(out, "integrity-light.png"), fullPage: true });
   await page.close();
+});
+
+// A summary as a campaign writes it. `change` gets it, and what it returns is the file.
+function campaignPage(name, change = (summary) => summary) {
+  const rate = (passed, failed) => ({ flights: passed + failed, passed, failed, rate: passed + failed > 0 ? passed / (passed + failed) : null, low: passed + failed > 0 ? 0.2 : null, high: passed + failed > 0 ? 0.9 : null });
+  const bands = [0, 1, 2, 3].map((band) => ({ band, ...rate(4 - band, band) }));
+  const failures = [["near", "diverged", ["wire.drop", "clock.drift"], 5], ["upright", "completed", ["wire.drop"], 3], ["survival", "firmware_crashed", [], 1]].map(([criterion, end, types, flights], i) => ({ signature: `${criterion},${end},${types.join("+") || "no_fault"}`, criterion, end, types, flights, first_run: 10 * i, runs: [10 * i], ...(i === 0 ? { minimal: "failures/first/run-0.yaml" } : {}) }));
+  const summary = { format: 1, version: "0", campaign: "night", seed: 7, runs: 40, flown: 40, complete: true, ...rate(31, 9), inconclusive: 0, errors: 0, signatures: 3, by_firmware: [{ name: "paper", ...rate(31, 9) }], by_scenario: [{ name: "hover", ...rate(31, 9) }],
+    by_type: [{ type: "wire.drop", drawn: 20, activated: 15, ...rate(10, 8), bands }, { type: "clock.drift", drawn: 0, activated: 0, ...rate(0, 0), bands }], by_severity: bands, failures, curve: [[1, 1], [11, 2], [21, 3], [40, 3]],
+    coverage: { cells: 20, drawn: 12, covered: 7, rows: [{ type: "wire.drop", place: "to_plant", drawn: 20, activated: 15, cells: [[1, 0, 2, 0], [0, 0, 0, 0], [1, 1, 1, 1], [0, 0, 0, 3]] }, { type: "clock.drift", place: "", drawn: 0, activated: 0, cells: [[0], [0], [0], [0]] }] } };
+  const folder = join(out, "campaigns", name);
+  mkdirSync(join(folder, "failures", "first"), { recursive: true });
+  writeFileSync(join(folder, "failures", "first", "run-0.yaml"), "");
+  writeFileSync(join(folder, "campaign.json"), JSON.stringify(change(summary)));
+  report(folder);
+  return join(folder, "campaign.html");
+}
+
+check("a campaign has a page with its ways to fail, types, curve and coverage", async () => {
+  const page = await open(campaignPage("plain"));
+  assert.deepEqual(await page.locator(".count b").allTextContents(), ["40", "31", "9", "3"]);
+  assert.deepEqual(await page.locator(".failures th[scope=row]").allTextContents(), ["▸ near", "▸ upright", "▸ survival"]);
+  // Steps: right to each run, up to the number of ways to fail then.
+  const steps = (await page.locator("path.step").getAttribute("d")).match(/[HV][\d.]+/g);
+  assert.equal(steps.length, 8);
+  await page.fill(".filters input >> nth=0", "clock");
+  assert.equal(await page.locator(".failures tbody tr[data-signature]").count(), 1);
+  await page.locator(".failures button.open").click();
+  assert.match(await page.locator(".failures tr.more").textContent(), /campaign show .*plain 0/);
+  assert.equal(await page.locator(".failures a", { hasText: "smallest scenario" }).getAttribute("href"), "./failures/first/run-0.yaml");
+  assert.equal(await page.locator(".coverage .cell.hit").count(), 7);
+  assert.match(await page.locator(".types tr[data-type='clock.drift']").textContent(), /–/);
+  await page.screenshot({ path: join(out, "campaign-light.png"), fullPage: true });
+  await page.close();
+});
+
+check("a campaign with hostile names, and one without a run", async () => {
+  const page = await open(campaignPage("hostile", (all) => ({ ...all, campaign: EVIL, complete: false, failures: all.failures.map((group) => ({ ...group, criterion: EVIL, end: EVIL, types: [EVIL] })), by_type: all.by_type.map((rate) => ({ ...rate, type: EVIL })), by_firmware: [{ ...all.by_firmware[0], name: EVIL }] })));
+  for (const button of await page.locator("button.open").all()) await button.click();
+  assert.match(await page.locator("main").textContent(), /still under way/);
+  assert.equal(await page.evaluate(() => window.executed), undefined);
+  assert.equal(await page.locator("main img, main script").count(), 0);
+  await page.close();
+  const empty = await open(campaignPage("empty", (all) => ({ ...all, flown: 0, flights: 0, passed: 0, failed: 0, rate: null, low: null, high: null, signatures: 0, failures: [], by_type: [], by_firmware: [], by_scenario: [], curve: [], coverage: { cells: 0, drawn: 0, covered: 0, rows: [] } })));
+  assert.match(await empty.locator("main").textContent(), /No flight failed/);
+  assert.ok(!/NaN|undefined/.test(await empty.locator("main").textContent()));
+  await empty.close();
 });
 
 check("an envelope with hostile names, odd numbers, and little in it", async () => {

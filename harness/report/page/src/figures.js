@@ -1,5 +1,5 @@
 // The figures of a flight, from the names of its columns: for any number of rotors and hinges.
-import { el, svg } from "./dom.js";
+import { el, number, svg } from "./dom.js";
 
 const end = (name, suffix) => name.endsWith(suffix);
 
@@ -33,6 +33,7 @@ export function figuresOf(flight, clients) {
   robustness("robustness", "Robustness of each criterion", "lowest", "its lowest value is the margin; below 0: violated");
   robustness("robustness-once", "Robustness of what must happen once", "highest", "its highest value is the margin; 0 and above: it happens");
   robustness("robustness-from-here", "Robustness of criteria, as if the flight began here", "from_here", "the margin is the value at 0 s");
+  if (flight.why) add("why", "Chance of failing, if all faults end at this time", "", [line("why/probability", "chance"), line("why/high", "chance at most (95 %)", { colour: 2, dash: true }), line("why/low", "chance at least (95 %)", { colour: 2, dash: true })], { zero: true, scale: "chance", note: whyNote(flight.why) });
   add("position", "Position", "m", paired(["x_m", "y_m", "z_m"], (n) => n.replace("_m", "_ref_m")));
   add("attitude", "Roll, pitch, yaw", "rad", [line("roll_rad", "roll", { turns: true }), line("pitch_rad", "pitch", { turns: true }), line("yaw_rad", "yaw", { turns: true }), line("yaw_ref_rad", "yaw reference", { dash: true, colour: 2, turns: true })]);
   add("servos", "Servo angles", "rad", flight.states.filter((n) => n.startsWith("alpha_") && end(n, "_rad")).map((n) => line(n, n.slice(0, -4))));
@@ -51,6 +52,13 @@ export function figuresOf(flight, clients) {
   for (const name of new Set(flight.bounds.map((b) => b.signal))) if (!shown.has(name)) add(`bound-${name}`, name, flight.entries?.get(name)?.unit ?? "", [line(name, name)]);
   if (flight.scenario.faults.length > 0) add("active", "Faults active", "", [line("faults_active_count", "faults", whole)], { scale: "faults" });
   return figures;
+}
+
+// In one line: when the flight was lost, and by which faults.
+function whyNote({ criterion, point_of_no_return_s, needed, sets }) {
+  const when = point_of_no_return_s === null ? "it could be saved until the end" : `point of no return at ${number(point_of_no_return_s, 6)} s`;
+  const faults = needed.length > 0 ? `needed: ${needed.join(", ")}` : sets.length === 1 && sets[0].length === 0 ? "it fails without any fault" : `each of these suffices: ${sets.map((set) => set.join(" with ")).join("; ")}`;
+  return `${criterion}: ${when}; ${faults}`;
 }
 
 // NaN when a series has no finite value.

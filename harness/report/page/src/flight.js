@@ -224,7 +224,7 @@ function build(main, run, index, flight, other, address, problems, state, on) {
       el("div", { class: "right" },
         section("criteria", "Criteria", criteriaTable(flight.result.criteria, flown ? flight : null, flown ? clock : null)),
         flight.result.faults.length > 0 ? section("faults", "Faults", faultList(flight, clock)) : null,
-        figures.length > 0 ? section("figures", "Figures", secondChooser(run, index, other?.name ?? null, on.again), el("p", { class: "hint", text: "Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation. Drag to zoom, double-click for all." }), figures) : null,
+        figures.length > 0 ? section("figures", "Figures", secondChooser(run, index, other?.name ?? null, on.again), el("p", { class: "hint", text: `Time in s. Bands: a fault is active. Ticks above: it acted. Ticks below: a frame did not go on as sent. Red line: first violation.${flight.why ? " Dotted line: point of no return." : ""} Drag to zoom, double-click for all.` }), figures) : null,
         histograms.length > 0 ? section("timing", "Timing", histograms) : null,
         extras?.body ?? null)),
     ...(flown ? [framesSection(flight, clock, programOf(entry))] : []),

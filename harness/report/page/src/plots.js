@@ -228,6 +228,17 @@ export class Plots {
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
     }
+    const noReturn_s = this.flight.why?.point_of_no_return_s ?? null;
+    if (noReturn_s !== null) {
+      ctx.strokeStyle = colour("ink");
+      ctx.lineWidth = 1.2 * px;
+      ctx.setLineDash([1 * px, 3 * px]);
+      const x = u.valToPos(noReturn_s, "x", true);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bottom);
+      ctx.stroke();
+    }
     ctx.setLineDash([]);
     for (const [violation, dash] of [[this.flight.violation_s, []], [this.other?.flight.violation_s ?? null, [5 * px, 4 * px]]]) {
       if (violation === null) continue;

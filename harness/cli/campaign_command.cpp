@@ -1,0 +1,86 @@
+#include <CLI/CLI.hpp>
+
+#include <memory>
+
+#include "harness/cli/campaign_results.h"
+#include "harness/cli/campaign_run.h"
+#include "harness/cli/shared_options.h"
+
+namespace tiltproof::harness {
+namespace {
+
+void AddDrawing(CLI::App& command, CampaignOptions& options) {
+  command.add_option(
+      "PATH", options.paths,
+      "A campaign file; or scenario files, or folders of them, with faults of every type that the "
+      "client can take");
+  command.add_option("--runs", options.runs_count, "Number of flights (default: the file's, or 1000)")
+      ->check(CLI::Range(std::int64_t{1}, kRunsMax));
+  AddSeed(command, options.seed, "Of all draws (default: the file's, or 1)");
+  AddClients(command, options.clients);
+  command
+      .add_option(
+          "--firmware", options.firmware,
+          "Builds of the firmware that fly the same draws: paper,tolerant (default: as the file or the "
+          "scenarios say)")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+}
+
+void AddWork(CLI::App& command, CampaignOptions& options) {
+  AddJobs(command, options.jobs_count);
+  CLI::Option* out =
+      command.add_option("--out", options.out, "Folder of the campaign's files")->capture_default_str();
+  CLI::Option* resume =
+      command
+          .add_option("--resume", options.resume,
+                      "Go on with the campaign in this folder: what it has is not flown again")
+          ->type_name("DIR");
+  resume->excludes(out);
+  for (const char* other : {"PATH", "--runs", "--seed", "--client", "--firmware"})
+    resume->excludes(command.get_option(other));
+  CLI::Option* shard =
+      command.add_option("--shard", options.shard, "Fly only part K of N equal parts of the runs")
+          ->type_name("K/N");
+  resume->excludes(shard);
+  command.add_flag("--no-report", options.no_report, "Write no pages");
+  command.add_flag("--no-progress", options.no_progress, "No progress on standard error");
+}
+
+int Begin(const CampaignOptions& options) {
+  if (options.paths.empty() && options.resume.empty())
+    throw UsageError("campaign: name a campaign file, scenarios, or a campaign to go on with (--resume DIR)");
+  return FlyCampaign(options);
+}
+
+}  // namespace
+
+void RegisterCampaign(CLI::App& program, CommandLine& line) {
+  const auto options = std::make_shared<CampaignOptions>();
+  options->command = line.words;
+  CLI::App* command = program.add_subcommand(
+      "campaign", "Fly many scenarios with faults that are drawn at random, and gather how they fail");
+  command->require_subcommand(0, 1);
+  AddDrawing(*command, *options);
+  AddWork(*command, *options);
+  // Called after the callback of a command below it, whose action stands.
+  command->callback([&line, options, command] {
+    if (command->get_subcommands().empty()) line.action = [options] { return Begin(*options); };
+  });
+
+  const auto number = std::make_shared<std::uint64_t>();
+  CLI::App* show = command->add_subcommand(
+      "show", "Fly one run of a campaign again, keep its files, and compare it with the database");
+  show->add_option("DIR", options->resume, "Folder of the campaign")->required();
+  show->add_option("RUN", *number, "Number of the run, from 0")->required();
+  show->add_flag("--no-report", options->no_report, "Write no report.html");
+  SetAction(*show, line, [options, number] { return ShowCampaignRun(*options, *number); });
+
+  CLI::App* status = command->add_subcommand("status", "Print how far a campaign is");
+  status->add_option("DIR", options->resume, "Folder of the campaign")->required();
+  SetAction(*status, line, [options] { return CampaignStatus(options->resume); });
+
+  RegisterCampaignResults(*command, line);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,427 @@
+#include "harness/cli/campaign_run.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "harness/campaign/campaign_failures.h"
+#include "harness/campaign/campaign_flights.h"
+#include "harness/campaign/campaign_minimiser.h"
+#include "harness/campaign/campaign_signature.h"
+#include "harness/cli/campaign_flown.h"
+#include "harness/cli/client_flag.h"
+#include "harness/cli/commands.h"
+#include "harness/cli/console.h"
+#include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
+#include "harness/cli/run_flights.h"
+#include "harness/report/files.h"
+#include "harness/score/headline.h"
+#include "harness/terminal/lines.h"
+#include "harness/terminal/progress_line.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+using CampaignClock = std::chrono::steady_clock;
+// One transaction holds so many runs, or those of so long.
+constexpr std::size_t kBatchMax = 256;
+constexpr std::chrono::seconds kBatchTime{1};
+// Flights are kept of so many signatures: one takes some megabytes.
+constexpr std::size_t kKeptMax = 100;
+// Between two lines of progress where there is no terminal, and where there is one.
+constexpr std::chrono::milliseconds kPlainTime{10'000}, kLineTime{100};
+
+// The runs of the campaign that are to be flown, and what is known of those that were.
+class CampaignProgress {
+ public:
+  CampaignProgress(const LoadedCampaign& campaign, const CampaignStore& store)
+      : first_(campaign.shard.First(static_cast<std::uint64_t>(campaign.plan.spec.runs_count))),
+        flown_(campaign.shard.End(static_cast<std::uint64_t>(campaign.plan.spec.runs_count)) - first_) {
+    store.ForEach([&](const CampaignRun& run) {
+      if (run.number < first_ || run.number - first_ >= flown_.size()) return;
+      flown_[run.number - first_] = true;
+      Count(run);
+    });
+    earlier_count_ = done_count_;
+  }
+
+  std::optional<std::uint64_t> Next() {
+    while (next_ < flown_.size() && flown_[next_]) ++next_;
+    if (next_ == flown_.size()) return std::nullopt;
+    return first_ + next_++;
+  }
+
+  void Count(const CampaignRun& run) {
+    ++done_count_;
+    if (run.verdict == Name(Verdict::kError)) ++errors_count_;
+    if (run.signature.empty()) return;
+    ++failures_count_;
+    signatures_.insert(run.signature);
+  }
+
+  std::string Text() const {
+    const double passed_s = std::chrono::duration<double>(CampaignClock::now() - begin_).count();
+    const auto flown = static_cast<double>(done_count_ - earlier_count_);
+    std::string text =
+        fmt::format("{} of {} runs, {:.0f} runs/s, {} failure{}, {} signature{}", done_count_, flown_.size(),
+                    passed_s > 0 ? flown / passed_s : 0, failures_count_, failures_count_ == 1 ? "" : "s",
+                    signatures_.size(), signatures_.size() == 1 ? "" : "s");
+    const auto to_fly = static_cast<double>(flown_.size() - earlier_count_);
+    if (const auto left = TimeLeft(flown / std::max(to_fly, 1.0), passed_s))
+      text += fmt::format(", {} left", DurationText(*left));
+    return text;
+  }
+
+  std::uint64_t total() const { return flown_.size(); }
+  std::uint64_t done_count() const { return done_count_; }
+  std::uint64_t failures_count() const { return failures_count_; }
+  std::uint64_t errors_count() const { return errors_count_; }
+  std::size_t signatures_count() const { return signatures_.size(); }
+  CampaignClock::time_point begin() const { return begin_; }
+
+ private:
+  std::uint64_t first_;
+  std::vector<bool> flown_;
+  std::uint64_t next_ = 0, done_count_ = 0, earlier_count_ = 0, failures_count_ = 0, errors_count_ = 0;
+  std::set<std::string> signatures_;
+  CampaignClock::time_point begin_ = CampaignClock::now();
+};
+
+class CampaignWork {
+ public:
+  CampaignWork(const CampaignOptions& options, std::filesystem::path folder, LoadedCampaign campaign,
+               CampaignStore& store)
+      : options_(options),
+        folder_(std::move(folder)),
+        campaign_(std::move(campaign)),
+        store_(store),
+        progress_(campaign_, store),
+        line_(!options.no_progress) {}
+
+  // The exit code.
+  int Run() {
+    TellLeftOut();
+    if (!FlyRuns()) return kExitError;
+    if (interrupted()) return Interrupted();
+    if (const int code = KeepFailures(); code != kExitGreen) return code;
+    WriteSummary(store_, folder_);
+    if (!options_.no_report) WriteCampaignReport(folder_, options_.command.front());
+    Report();
+    if (progress_.errors_count() > 0) return kExitError;
+    return progress_.failures_count() > 0 ? kExitNotGreen : kExitGreen;
+  }
+
+ private:
+  static bool interrupted() { return *InterruptScope::flag(); }
+
+  void Tell(const std::string& text) {
+    line_.Clear();
+    PrintLine(stderr, 0, "tiltproof: " + text);
+  }
+
+  void TellLeftOut() {
+    std::vector<std::string> types;
+    for (const auto& [type, reason] : campaign_.left_out) types.push_back(type);
+    if (!types.empty())
+      Tell(fmt::format("not drawn, because this client, vehicle or protocol cannot have them: {}",
+                       fmt::join(types, ", ")));
+  }
+
+  std::string HowToGoOn() const {
+    return fmt::format("go on with `{} campaign --resume {}`", options_.command.front(), folder_.string());
+  }
+
+  // False: the results could not be stored, and that was said.
+  bool FlyRuns() {
+    CampaignFlights flights(campaign_.plan, campaign_.means,
+                            {.jobs_count = options_.jobs_count,
+                             .interrupted = InterruptScope::flag(),
+                             .tell = [this](const std::string& text) { Tell(text); },
+                             .on_turn = [this] { Turn(); },
+                             .take = [this](CampaignRun run) { return Take(std::move(run)); }});
+    try {
+      if (!HasEnough()) flights.Fly([this] { return progress_.Next(); });
+      Flush();
+    } catch (const FileError& error) {
+      Tell(fmt::format("campaign: {}; what was stored before is kept. Make room, and {}", error.what(),
+                       HowToGoOn()));
+      return false;
+    }
+    line_.Clear();
+    return true;
+  }
+
+  bool Take(CampaignRun run) {
+    run.signature = FirstSignature(run);
+    progress_.Count(run);
+    batch_.push_back(std::move(run));
+    return !HasEnough();
+  }
+
+  bool HasEnough() const {
+    const StopSpec& stop = campaign_.plan.spec.stop;
+    if (stop.failures_count > 0 &&
+        progress_.failures_count() >= static_cast<std::uint64_t>(stop.failures_count))
+      return true;
+    return stop.wall_s &&
+           CampaignClock::now() - progress_.begin() >= std::chrono::duration<double>(*stop.wall_s);
+  }
+
+  void Turn() {
+    const auto now = CampaignClock::now();
+    if (batch_.size() >= kBatchMax || now - stored_at_ >= kBatchTime) Flush();
+    Show([this] { return progress_.Text(); });
+  }
+
+  // Flights may take less time than the line.
+  void Show(const std::function<std::string()>& text) {
+    const auto now = CampaignClock::now();
+    if (options_.no_progress || now - told_at_ < (line_.visible() ? kLineTime : kPlainTime)) return;
+    told_at_ = now;
+    line_.visible() ? line_.Show(text()) : Print(stderr, "{}\n", text());
+  }
+
+  void Flush() {
+    if (!batch_.empty()) store_.Add(batch_);
+    batch_.clear();
+    stored_at_ = CampaignClock::now();
+  }
+
+  int Interrupted() {
+    Tell(fmt::format("interrupted after {} of {} runs; {}", progress_.done_count(), progress_.total(),
+                     HowToGoOn()));
+    return kExitInterrupted;
+  }
+
+  void Minimise() {
+    std::vector<std::uint64_t> runs;
+    MinimisedChooser chooser;
+    store_.ForEach([&](const CampaignRun& run) {
+      if (!run.signature.empty() && chooser.Take(run.signature)) runs.push_back(run.number);
+    });
+    std::optional<CampaignMinimiser> minimiser;
+    minimiser.emplace(campaign_.plan, campaign_.means, runs,
+                      CampaignMinimiser::Options{.jobs_count = options_.jobs_count,
+                                                 .interrupted = InterruptScope::flag(),
+                                                 .tell = [this](const std::string& text) { Tell(text); },
+                                                 .on_turn =
+                                                     [&] {
+                                                       Show([&] {
+                                                         return fmt::format(
+                                                             "making failures smaller: {} of {}, {} flights",
+                                                             minimiser->found_count(), runs.size(),
+                                                             minimiser->flights_count());
+                                                       });
+                                                     }});
+    MinimiseFailures(store_, folder_, [&](std::uint64_t run) { return minimiser->Find(run); });
+    line_.Clear();
+  }
+
+  // Finds the smallest form of the failures, and flies the first of each signature once more, for its files.
+  int KeepFailures() {
+    Minimise();
+    if (interrupted()) return Interrupted();
+    const std::vector<CampaignFailure> failures = store_.Failures();
+    // The first failure of each of the most frequent signatures.
+    std::map<std::string, std::size_t> counts;
+    for (const CampaignFailure& failure : failures) ++counts[failure.signature];
+    std::vector<std::size_t> sizes;
+    for (const auto& [signature, count] : counts) sizes.push_back(count);
+    std::sort(sizes.rbegin(), sizes.rend());
+    const std::size_t least = sizes.size() > kKeptMax ? sizes[kKeptMax - 1] : 0;
+    std::set<std::string> kept;
+    std::vector<FlightToKeep> flights;
+    for (const CampaignFailure& failure : failures) {
+      if (counts.at(failure.signature) < least || kept.size() == kKeptMax) continue;
+      const std::filesystem::path folder = folder_ / "failures" / failure.signature;
+      if (!kept.insert(failure.signature).second || std::filesystem::exists(folder / "results.json"))
+        continue;
+      FlightJob job = JobOf(campaign_.plan, campaign_.means, DrawRun(campaign_.plan, failure.run));
+      job.name = RunName(failure.run);
+      flights.push_back({folder, std::move(job)});
+    }
+    const KeptRuns flown = KeepRuns(std::move(flights), options_);
+    if (flown.interrupted) return Interrupted();
+    for (const FlightResult& result : flown.results) {
+      const std::uint64_t number = std::stoull(result.name.substr(RunName(0).size() - 1));
+      const std::string stored = store_.Find(number)->trace_hash;
+      if (result.trace_hash == stored) continue;
+      Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
+                       number, result.trace_hash, stored));
+      return kExitError;
+    }
+    return kExitGreen;
+  }
+
+  void Report() {
+    const std::uint64_t done = progress_.done_count(), failed = progress_.failures_count();
+    Print(stdout, "campaign {}: {} runs, {} survived ({:.1f} %), {} failed in {} way{}; {}\n",
+          campaign_.plan.spec.name, done, done - failed,
+          done > 0 ? 100.0 * static_cast<double>(done - failed) / static_cast<double>(done) : 0, failed,
+          progress_.signatures_count(), progress_.signatures_count() == 1 ? "" : "s",
+          DatabaseOf(folder_).string());
+  }
+
+  const CampaignOptions& options_;
+  std::filesystem::path folder_;
+  LoadedCampaign campaign_;
+  CampaignStore& store_;
+  CampaignProgress progress_;
+  ProgressLine line_;
+  std::vector<CampaignRun> batch_;
+  CampaignClock::time_point stored_at_ = CampaignClock::now(), told_at_ = CampaignClock::now();
+};
+
+// Every scenario passes without drawn faults: otherwise the campaign would find that it does not. Returns an exit code
+// when one does not.
+std::optional<int> CheckBases(const CampaignOptions& options, const LoadedCampaign& campaign) {
+  std::vector<FlightJob> jobs;
+  std::vector<std::string> builds = campaign.plan.spec.firmware;
+  if (builds.empty()) builds.emplace_back();
+  for (const DrawBase& base : campaign.plan.bases) {
+    for (const std::string& build : builds) {
+      FlightJob& job = jobs.emplace_back(FlightJob{.name = fmt::format("{} {}", base.scenario.name, build),
+                                                   .scenario = base.scenario,
+                                                   .model = base.model,
+                                                   .means = campaign.means,
+                                                   .replay = {}});
+      if (!build.empty()) job.scenario.FlyFirmware(build);
+    }
+  }
+  const FlownFlights flown =
+      RunFlights(jobs, {.jobs_count = options.jobs_count, .progress = !options.no_progress});
+  if (flown.interrupted) return kExitInterrupted;
+  std::optional<int> code;
+  for (const FlightResult& result : flown.results) {
+    if (Survived(result.score)) continue;
+    PrintLine(
+        stderr, 0,
+        fmt::format(
+            "tiltproof: campaign: {} is {} without any drawn fault: {}; a campaign needs scenarios that "
+            "pass by themselves",
+            result.name, Name(result.score.verdict), result.score.reason));
+    code = result.score.verdict == Verdict::kError ? kExitError : kExitNotGreen;
+  }
+  return code;
+}
+
+// Throws UsageError when another program would fly on.
+void CheckSameBuild(const LoadedCampaign& campaign, const std::filesystem::path& folder) {
+  const std::string build = BuildOf(campaign.means.clients);
+  const auto began = campaign.meta.find("build");
+  if (began == campaign.meta.end() || began->second == build) return;
+  throw UsageError(
+      fmt::format("--resume {}: the campaign was begun by another build of tiltproof or of the firmware "
+                  "({}; this one is {}): its runs would not be comparable. Begin another campaign with "
+                  "--out",
+                  folder.string(), began->second, build));
+}
+
+CampaignStore OpenToRead(const std::filesystem::path& folder) {
+  if (!std::filesystem::exists(DatabaseOf(folder)))
+    throw UsageError(
+        fmt::format("{}: there is no campaign in this folder (no campaign.sqlite)", folder.string()));
+  return CampaignStore(DatabaseOf(folder), CampaignStore::Mode::kRead);
+}
+
+}  // namespace
+
+int FlyCampaign(const CampaignOptions& options) {
+  const InterruptScope scope;
+  if (!options.resume.empty()) {
+    if (!std::filesystem::exists(DatabaseOf(options.resume)))
+      throw UsageError(fmt::format("--resume {}: there is no campaign in this folder (no campaign.sqlite)",
+                                   options.resume.string()));
+    CampaignStore store(DatabaseOf(options.resume), CampaignStore::Mode::kOpen);
+    LoadedCampaign campaign = ReopenCampaign(store);
+    CheckSameBuild(campaign, options.resume);
+    return CampaignWork(options, options.resume, std::move(campaign), store).Run();
+  }
+  if (std::filesystem::exists(DatabaseOf(options.out)))
+    throw UsageError(
+        fmt::format("{} holds a campaign already: go on with it (--resume {}), or choose another --out",
+                    options.out.string(), options.out.string()));
+  LoadedCampaign campaign = PlanCampaign(options);
+  if (const auto code = CheckBases(options, campaign)) return *code;
+  std::filesystem::create_directories(options.out);
+  CampaignStore store(DatabaseOf(options.out), CampaignStore::Mode::kCreate);
+  for (const auto& [key, value] : campaign.meta) store.SetMeta(key, value);
+  return CampaignWork(options, options.out, std::move(campaign), store).Run();
+}
+
+int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
+  const InterruptScope scope;
+  const std::filesystem::path& folder = options.resume;
+  const CampaignStore store = OpenToRead(folder);
+  const LoadedCampaign campaign = ReopenCampaign(store);
+  const auto runs_count = static_cast<std::uint64_t>(campaign.plan.spec.runs_count);
+  if (number >= runs_count)
+    throw UsageError(
+        fmt::format("campaign show: there is no run {}: the {} runs count from 0", number, runs_count));
+  const DrawnRun drawn = DrawRun(campaign.plan, number);
+  const std::filesystem::path own = folder / "runs" / std::to_string(number);
+  for (const CampaignFault& fault : drawn.faults)
+    Print(stdout, "{}: {}{}{} severity {:g}, {:g} to {:g} s\n", fault.id, fault.type,
+          fault.place.empty() ? "" : " ", fault.place, fault.severity, fault.start_s, fault.end_s);
+  FlightJob job = JobOf(campaign.plan, campaign.means, drawn);
+  job.name = RunName(number);
+  const KeptRuns flown = KeepRuns({{own, std::move(job)}}, options);
+  if (flown.interrupted || flown.results.empty()) return kExitInterrupted;
+  const FlightResult& result = flown.results.front();
+  const Console console(false);
+  console.Finished(result);
+  console.Line(fmt::format("{}", (own / "report.html").string()));
+  const int code = Survived(result.score) ? static_cast<int>(kExitGreen) : ExitCode({result});
+  const std::optional<CampaignRun> stored = store.Find(number);
+  if (!stored) {
+    console.Line("this run is not in the database: it was not flown yet");
+    return code;
+  }
+  if (stored->trace_hash == result.trace_hash) {
+    console.Line(fmt::format("the same flight as in the database: trace hash {}", result.trace_hash));
+    return code;
+  }
+  const std::string build = BuildOf(campaign.means.clients);
+  const auto began = campaign.meta.find("build");
+  PrintLine(
+      stderr, 0,
+      fmt::format("tiltproof: campaign show: this is another flight: its trace hash is {}, and was {}{}",
+                  result.trace_hash, stored->trace_hash,
+                  began != campaign.meta.end() && began->second != build
+                      ? "; the campaign was flown by another build of tiltproof or of the firmware"
+                      : ""));
+  return kExitError;
+}
+
+int CampaignStatus(const std::filesystem::path& folder) {
+  const CampaignStore store = OpenToRead(folder);
+  const auto meta = store.AllMeta();
+  const auto text = [&](const char* key) { return meta.contains(key) ? meta.at(key) : std::string("?"); };
+  const CampaignSpec spec = ParseCampaign(text("campaign"), "campaign.sqlite: campaign");
+  const Shard shard = ReadShard(text("shard"));
+  const auto all = static_cast<std::uint64_t>(spec.runs_count);
+  const std::uint64_t total = shard.End(all) - shard.First(all);
+  std::uint64_t done = 0, failed = 0;
+  std::set<std::string> signatures;
+  store.ForEach([&](const CampaignRun& run) {
+    ++done;
+    if (run.signature.empty()) return;
+    ++failed;
+    signatures.insert(run.signature);
+  });
+  Print(stdout, "campaign {}: {} of {} runs{}, {} failed in {} way{}\n", spec.name, done, total,
+        shard.count > 1 ? fmt::format(" of shard {}", text("shard")) : "", failed, signatures.size(),
+        signatures.size() == 1 ? "" : "s");
+  if (done < total) Print(stdout, "it can go on: tiltproof campaign --resume {}\n", folder.string());
+  return kExitGreen;
+}
+
+}  // namespace tiltproof::harness
