@@ -47,7 +47,6 @@ void RegisterReport(CLI::App& program, CommandLine& line);
 void RegisterExport(CLI::App& program, CommandLine& line);
 void RegisterCompare(CLI::App& program, CommandLine& line);
 void RegisterMargin(CLI::App& program, CommandLine& line);
-=======
 void RegisterMinimise(CLI::App& program, CommandLine& line);
 void RegisterSearch(CLI::App& program, CommandLine& line);
 void RegisterEnvelope(CLI::App& program, CommandLine& line);
