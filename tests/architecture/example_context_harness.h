@@ -30,6 +30,24 @@ extern const VehicleSignals signals;
 extern const FlightJob job;
 extern const Severity severity;
 
+// harness/campaign/campaign_draw.h
+extern const CampaignSpec spec;
+extern const DrawBase base;
+extern const std::vector<EnvelopeRow> rows;
+
+// harness/campaign/campaign_flights.h
+extern const CampaignPlan plan;
+extern const FlightMeans means;
+bool Keep(const CampaignRun& run);
+std::optional<std::uint64_t> NextNumber();
+
+// harness/campaign/campaign_minimiser.h
+extern const CampaignPlan plan;
+extern const FlightMeans means;
+extern const std::vector<std::uint64_t> failing;
+extern const std::filesystem::path folder;
+extern CampaignStore store;
+
 // harness/campaign/campaign_store.h
 extern const std::vector<CampaignRun> runs;
 
