@@ -23,7 +23,7 @@ namespace {
 std::string AllowConnections(std::string page) {
   static constexpr std::string_view kPlace = "base-uri 'none'";
   const std::size_t place = page.find(kPlace);
-  Check(place != std::string::npos, "the page says what it may do");
+  tiltproof::Check(place != std::string::npos, "the page says what it may do");
   return page.insert(place, "connect-src 'self'; ");
 }
 
