@@ -288,11 +288,12 @@ std::optional<int> CheckBases(const CampaignOptions& options, const LoadedCampai
   if (builds.empty()) builds.emplace_back();
   for (const DrawBase& base : campaign.plan.bases) {
     for (const std::string& build : builds) {
-      FlightJob& job = jobs.emplace_back(FlightJob{.name = fmt::format("{} {}", base.scenario.name, build),
-                                                   .scenario = base.scenario,
-                                                   .model = base.model,
-                                                   .means = campaign.means,
-                                                   .replay = {}});
+      FlightJob& job =
+          jobs.emplace_back(FlightJob{.name = base.scenario.name + (build.empty() ? "" : " of " + build),
+                                      .scenario = base.scenario,
+                                      .model = base.model,
+                                      .means = campaign.means,
+                                      .replay = {}});
       if (!build.empty()) job.scenario.FlyFirmware(build);
     }
   }
@@ -302,12 +303,11 @@ std::optional<int> CheckBases(const CampaignOptions& options, const LoadedCampai
   std::optional<int> code;
   for (const FlightResult& result : flown.results) {
     if (Survived(result.score)) continue;
-    PrintLine(
-        stderr, 0,
-        fmt::format(
-            "tiltproof: campaign: {} is {} without any drawn fault: {}; a campaign needs scenarios that "
-            "pass by themselves",
-            result.name, Name(result.score.verdict), result.score.reason));
+    PrintLine(stderr, 0,
+              fmt::format(
+                  "tiltproof: campaign: {}: {} without any drawn fault: {}; a campaign needs scenarios that "
+                  "pass by themselves",
+                  result.name, Name(result.score.verdict), result.score.reason));
     code = result.score.verdict == Verdict::kError ? kExitError : kExitNotGreen;
   }
   return code;

@@ -54,6 +54,7 @@ criteria:
 std::vector<EnvelopeRow> Rows(const Scenario& base) {
   Scenario with_placeholder = base;
   faults::FaultSpec placeholder;
+  placeholder.id = "draw-1";
   placeholder.type = kPlaceholderType;
   placeholder.start_ns = 0;
   placeholder.end_ns = base.duration_ns;
@@ -126,7 +127,8 @@ TEST(CampaignDraw, EveryRunIsAValidScenario) {
 
 TEST(CampaignDraw, LeavesOutFaultsThatChangeNothing) {
   std::vector<std::string> names;
-  for (const DrawType& type : Plan().bases.front().types) names.emplace_back(type.type->name);
+  const CampaignPlan plan = Plan();
+  for (const DrawType& type : plan.bases.front().types) names.emplace_back(type.type->name);
   EXPECT_THAT(names, Each(Not(StartsWith("harness."))));
   EXPECT_THAT(names, Not(::testing::Contains("frame.script")));
   EXPECT_THAT(names, Not(::testing::Contains("node.kill"))) << "a client in lockstep has no node";
@@ -161,7 +163,8 @@ TEST(CampaignDraw, SwarmRepeatsTypesAsOftenAsItsSubsetsSay) {
     int count = 0;
     for (std::uint64_t number = 0; number < 3000; ++number) {
       const DrawnRun run = DrawRun(plan, number);
-      count += run.faults.at(0).type == run.faults.at(1).type ? 1 : 0;
+      // Two drifts of a clock do not go together: such a run has one.
+      count += run.faults.size() < 2 || run.faults[0].type == run.faults[1].type ? 1 : 0;
     }
     return std::pair(count, static_cast<double>(plan.bases.front().types.size()));
   };
@@ -174,7 +177,8 @@ TEST(CampaignDraw, SwarmRepeatsTypesAsOftenAsItsSubsetsSay) {
 }
 
 TEST(CampaignDraw, LevelsGoFromMildToSevere) {
-  for (const DrawType& type : Plan().bases.front().types) {
+  const CampaignPlan plan = Plan();
+  for (const DrawType& type : plan.bases.front().types) {
     for (const DrawPlace& place : type.places) {
       if (!place.severity) continue;
       const LevelRange& range = place.severity->range;
