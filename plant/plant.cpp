@@ -88,7 +88,8 @@ void Plant::InputInForce(std::span<double> command) const {
 
 void Plant::State(std::span<double> state, RatesFrame frame) const {
   CheckSize(state.size(), world_->signals.states, "states");
-  world_->Observe(state);
+  const std::vector<double>& observed = world_->Observed();
+  std::copy(observed.begin(), observed.end(), state.begin());
   ExpressRates(frame, world_->at, state);
 }
 

@@ -192,6 +192,7 @@ void Plant::World::Place(std::span<const double> state) {
 }
 
 void Plant::World::PutBodies(std::span<const double> state) {
+  is_observed = is_slow = false;
   const Vector3d angles = VectorAt(state, at.attitude);
   const Matrix3d R_WB = FromEuler(angles[0], angles[1], angles[2]);
   const Vector3d p_WB = VectorAt(state, at.position), v_WB = VectorAt(state, at.velocity);
@@ -246,6 +247,15 @@ void Plant::World::Observe(std::span<double> state) const {
   }
 }
 
+const std::vector<double>& Plant::World::Observed() {
+  if (!is_observed) {
+    observed.resize(signals.states.size());
+    Observe(observed);
+    is_observed = true;
+  }
+  return observed;
+}
+
 void Plant::World::Rebuild(const VehicleModel& as) {
   Destroy();
   model = as;
@@ -284,6 +294,7 @@ void Plant::World::Push(const Disturbance& disturbance) {
 
 // With `input`.
 void Plant::World::StepOnce(const Disturbance& disturbance) {
+  is_observed = false;
   ChangeBodies(disturbance);
   if (tilting.empty())
     Advance(disturbance, step_s);

@@ -49,6 +49,7 @@ struct Plant::World {
     Body body;
     dJointID hinge = nullptr;
     double angle_rad = 0, next_angle_rad = 0;       // before the step, and after it
+    double turned_since_rad = 0;                    // at most, since angle_rad was measured
     double motor_max_nm = 0, motor_rate_rad_s = 0;  // 0: no motor
     bool caught = false;                            // this step ends at a stop
 
@@ -98,12 +99,17 @@ struct Plant::World {
   void SaveBodies();
   void RestoreBodies();
   void MeasureHinges();
+  bool FarFromStops(const Disturbance& disturbance) const;
+  bool TurnedLittle();
+  bool MetNoStop() const;
   void MeasureTurns(double length_s);
   bool TurnedTooFar() const;
   bool CatchHinges(double length_s);
   void ReleaseHinges();
   void Push(const Disturbance& disturbance);
   void Observe(std::span<double> state) const;  // world rates
+  // The same, computed once after each step.
+  const std::vector<double>& Observed();
   BaseMotion MotionOfBase() const;
   void Sample();
   void CheckEvent();
@@ -145,6 +151,9 @@ struct Plant::World {
 
   TimeNs time_ns = 0, sensor_period_ns = 0, next_sample_ns = 0;
   std::vector<double> sample;
+  std::vector<double> observed;
+  bool is_observed = false;
+  bool is_slow = false;  // no body has turned far in the latest step
   SensorSuite sensors;
   FlightEvent event = FlightEvent::kNone;
   std::string event_text;

@@ -47,11 +47,10 @@ void RegisterReport(CLI::App& program, CommandLine& line);
 void RegisterExport(CLI::App& program, CommandLine& line);
 void RegisterCompare(CLI::App& program, CommandLine& line);
 void RegisterMargin(CLI::App& program, CommandLine& line);
-=======
-void RegisterMinimise(CLI::App& program, CommandLine& line);
-void RegisterSearch(CLI::App& program, CommandLine& line);
 void RegisterEnvelope(CLI::App& program, CommandLine& line);
 void RegisterCampaign(CLI::App& program, CommandLine& line);
+void RegisterMinimise(CLI::App& program, CommandLine& line);
+void RegisterSearch(CLI::App& program, CommandLine& line);
 void RegisterWhy(CLI::App& program, CommandLine& line);
 void RegisterFuzz(CLI::App& program, CommandLine& line);
 void RegisterVehicle(CLI::App& program, CommandLine& line);

@@ -175,9 +175,11 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
 }
 
 void CheckBuild(const std::string& build) {
-  if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) == kShippedBuilds.end())
-    throw UsageError(fmt::format("--firmware {}: no such build{}; --client flies a firmware of your own",
-                                 build, DidYouMean(build, kShippedBuilds)));
+  if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) != kShippedBuilds.end()) return;
+  const std::string_view other =
+      ClosestName(build, kShippedBuilds).empty() ? "; --client flies a firmware of your own" : "";
+  throw UsageError(
+      fmt::format("--firmware {}: no such build{}{}", build, DidYouMean(build, kShippedBuilds), other));
 }
 
 namespace {

@@ -257,8 +257,10 @@ class Checker {
   void CheckBuild(std::string_view key, const std::string& build, YamlMark mark) {
     const auto& names = options_.firmware_names;
     if (names.empty() || std::find(names.begin(), names.end(), build) != names.end()) return;
-    Complain(mark, fmt::format("{}: unknown build '{}'{}; --client flies a firmware of your own", key, build,
-                               DidYouMeanOf(build, names)));
+    const std::vector<std::string_view> views(names.begin(), names.end());
+    const std::string_view other =
+        ClosestName(build, views).empty() ? "; --client flies a firmware of your own" : "";
+    Complain(mark, fmt::format("{}: unknown build '{}'{}{}", key, build, DidYouMean(build, views), other));
   }
 
   void CheckClients() {

@@ -30,8 +30,43 @@ extern const VehicleSignals signals;
 extern const FlightJob job;
 extern const Severity severity;
 
+// harness/campaign/campaign_draw.h
+extern const CampaignSpec spec;
+extern const DrawBase base;
+extern const std::vector<EnvelopeRow> rows;
+
+// harness/campaign/campaign_flights.h
+extern const CampaignPlan plan;
+extern const FlightMeans means;
+bool Keep(const CampaignRun& run);
+std::optional<std::uint64_t> NextNumber();
+
+// harness/campaign/campaign_minimiser.h
+extern const CampaignPlan plan;
+extern const FlightMeans means;
+extern const std::vector<std::uint64_t> failing;
+extern const std::filesystem::path folder;
+extern CampaignStore store;
+
 // harness/campaign/campaign_store.h
 extern const std::vector<CampaignRun> runs;
+
+// harness/campaign/campaign_signature.h
+extern const CampaignRun run;
+extern MinimisedChooser chooser;
+extern const examples::Function Use;
+
+// harness/campaign/campaign_summary.h
+extern const CampaignFrame frame;
+extern const CampaignStore& store;
+
+// harness/campaign/campaign_failures.h
+extern CampaignStore& store;
+extern const std::filesystem::path folder;
+std::optional<MinimalForm> SmallestOf(std::uint64_t run);
+
+// harness/campaign/campaign_compare.h
+extern const CampaignStore &store, &another;
 
 // harness/campaign/envelope_rows.h
 extern const faults::FaultType* type;

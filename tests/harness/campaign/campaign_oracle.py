@@ -60,11 +60,17 @@ for column in ("firmware", "scenario"):
         check_rate(rate["name"], rate, *count(f"{column} = ?", rate["name"]))
 
 # The band of a fault: how many inner ends it is beyond.
-levels = {(r["type"], r["place"]): r["levels"] for r in frame["ranges"]}
+levels = {}
+for each in frame["ranges"]:
+    levels.setdefault((each["type"], each["place"]), []).append(each["levels"])
+
+
 def band(type, place, severity):
-    ends = levels[type, place or ""]
-    if not ends:
+    sides = levels[type, place or ""]
+    if not sides[0]:
         return 0
+    # A severity with two sides has a range on each: the one of the severity's sign, as seen from the mildest level.
+    ends = next((one for one in sides if (severity - one[0]) * (one[-1] - one[0]) >= 0), sides[0])
     return sum(severity > end if ends[-1] > ends[0] else severity < end for end in ends[1:-1])
 
 
@@ -82,7 +88,7 @@ for rate in summary["by_severity"]:
     check_rate(f"band {rate['band']}", rate, *count("number in (select run from fault where band(type, place, severity) = ?)", rate["band"]))
 
 cells = lambda condition: db.execute(f"select count(*) from (select distinct type, place, phase(run.scenario, start_s), band(type, place, severity) from fault join run on run.number = fault.run where {condition})").fetchone()[0]
-same("cells", summary["coverage"]["cells"], sum(4 * (4 if ends else 1) for ends in levels.values()))
+same("cells", summary["coverage"]["cells"], sum(4 * (4 if sides[0] else 1) for sides in levels.values()))
 same("drawn cells", summary["coverage"]["drawn"], cells("1"))
 same("covered cells", summary["coverage"]["covered"], cells("activations > 0"))
 for row in summary["coverage"]["rows"]:

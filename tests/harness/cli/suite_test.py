@@ -238,7 +238,7 @@ class SuiteTest(CommandLineTest):
         for command in ("check", "list"):
             code, _, err = self.tiltproof(command, "mine.yaml")
             self.assertEqual(code, 2)
-            self.assertIn("unknown build 'mine'", err)
+            self.assertRegex(err, "unknown build 'mine'; .*; --client flies a firmware of your own")
             self.assertEqual(self.tiltproof(command, "mine.yaml", "--client", library)[0], 0)
             self.assertEqual(self.tiltproof(command, "mine.yaml", "--client", "serial:/dev/ttyUSB0")[0], 0)
             code, _, err = self.tiltproof(command, "mine.yaml", "--client", "qemu")
