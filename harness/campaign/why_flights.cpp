@@ -9,7 +9,6 @@
 #include <cerrno>
 #include <cstring>
 #include <future>
-#include <limits>
 #include <stdexcept>
 #include <utility>
 
@@ -54,17 +53,6 @@ bool HasCommands(const Scenario& scenario) {
 }
 
 }  // namespace
-
-const CriterionResult* FirstCriterion(const Score& score) {
-  const auto time_s = [](const CriterionResult& criterion) {
-    return criterion.time_s.value_or(std::numeric_limits<double>::infinity());
-  };
-  const CriterionResult* first = nullptr;
-  for (const CriterionResult& criterion : score.criteria)
-    if (criterion.verdict == Verdict::kFail && (first == nullptr || time_s(criterion) < time_s(*first)))
-      first = &criterion;
-  return first;
-}
 
 WhyFlights::WhyFlights(FlightJob job, std::string criterion, Options options)
     : job_(std::move(job)),

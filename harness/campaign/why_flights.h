@@ -20,9 +20,6 @@
 
 namespace tiltproof::harness {
 
-// The criterion that a flight violated first. Null: it violated none.
-const CriterionResult* FirstCriterion(const Score& score);
-
 class WhyFlights {
  public:
   struct Options {

@@ -21,6 +21,7 @@
 #include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
 #include "harness/report/why_file.h"
+#include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/progress_line.h"
 #include "harness/terminal/terminal.h"
@@ -91,7 +92,7 @@ FailedFlight OpenFailed(const WhyOptions& options) {
   if (flight.result.score.verdict != Verdict::kFail)
     throw UsageError(fmt::format("why: {}: the verdict is {}; why explains a flight that failed", path,
                                  Name(flight.result.score.verdict)));
-  const CriterionResult* criterion = FirstCriterion(flight.result.score);
+  const CriterionResult* criterion = FirstViolated(flight.result.score);
   if (criterion == nullptr || flight.result.trace_hash.empty())
     throw UsageError(fmt::format("why: {}: the flight left no trace: {}", path, flight.result.score.reason));
   std::vector<std::string> flags = {flight.run.info.client};

@@ -17,6 +17,8 @@
 #include <utility>
 #include <vector>
 
+#include "harness/score/headline.h"
+
 namespace tiltproof::harness {
 namespace {
 
@@ -166,7 +168,7 @@ struct Lost {
 
 Lost FindLost(const FlightJob& job, bool may_fork = true) {
   const FlightResult failed = FlyAll({job}).front();
-  const CriterionResult* criterion = FirstCriterion(failed.score);
+  const CriterionResult* criterion = FirstViolated(failed.score);
   EXPECT_NE(criterion, nullptr) << failed.score.reason;
   if (criterion == nullptr) return {};
   WhyFlights flights(job, criterion->name, {.jobs_count = 2, .futures_count = 20, .may_fork = may_fork});
