@@ -2,7 +2,6 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
-#include <fstream>
 #include <future>
 #include <memory>
 
@@ -51,18 +50,6 @@ void OpenFlight(MinimiseOptions& options) {
   options.clients = {run.info.client};
   for (const auto& [id, client] : run.info.clients)
     options.clients.push_back(fmt::format("{}={}", id, client));
-}
-
-// Checks, before anything is flown, that the file may be written. Only a file of this command is written over.
-void CheckOut(const fs::path& out) {
-  std::error_code error;
-  if (!fs::exists(fs::symlink_status(out, error))) return;
-  std::string begin(kFirstWords.size(), '\0');
-  std::ifstream file(out);
-  file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-  if (begin != kFirstWords)
-    throw UsageError(
-        fmt::format("--out {}: something else is there; remove it, or name another file", out.string()));
 }
 
 // The flights of a search, one after the other.
@@ -157,7 +144,7 @@ int MinimiseCommand(MinimiseOptions options) {
   constexpr std::string_view kEnding = "-minimal";
   named.name = given.name.substr(0, kMinimalNameMax - kEnding.size()) + std::string(kEnding);
   if (options.out.empty()) options.out = named.name + ".yaml";
-  CheckOut(options.out);
+  CheckOwnFile(options.out, kFirstWords);
 
   const InterruptScope scope;
   Flights flights(entry, means);

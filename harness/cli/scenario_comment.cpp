@@ -1,8 +1,13 @@
 #include "harness/cli/scenario_comment.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstddef>
+#include <fstream>
+#include <system_error>
 
+#include "harness/cli/commands.h"
 #include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
@@ -22,6 +27,17 @@ std::string Comment(const std::string& text) {
     from = to + 1;
   }
   return lines + line + '\n';
+}
+
+void CheckOwnFile(const std::filesystem::path& out, std::string_view first_words) {
+  std::error_code error;
+  if (!std::filesystem::exists(std::filesystem::symlink_status(out, error))) return;
+  std::string begin(first_words.size(), '\0');
+  std::ifstream file(out);
+  file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  if (begin != first_words)
+    throw UsageError(
+        fmt::format("--out {}: something else is there; remove it, or name another file", out.string()));
 }
 
 }  // namespace tiltproof::harness

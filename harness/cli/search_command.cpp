@@ -9,6 +9,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/scenario_comment.h"
 #include "harness/cli/search_flights.h"
 #include "harness/cli/search_over.h"
 #include "harness/cli/shared_options.h"
@@ -21,6 +22,8 @@
 
 namespace tiltproof::harness {
 namespace {
+
+constexpr std::string_view kLeastRobustWords = "# The least robust of";
 
 struct LeastRobustFlags {
   std::filesystem::path scenario;
@@ -97,18 +100,16 @@ struct LeastRobustFile {
 
 // The least robust flight as a scenario that expects the verdict that it had.
 LeastRobustFile WriteLeast(const LeastRobustFlags& flags, const LeastRobustTask& task,
-                           const SearchFlight& least) {
+                           const LeastRobust& found) {
+  const SearchFlight& least = *found.least();
   Scenario scenario = AtPoint(task.job.scenario, task.numbers, least.point);
   scenario.expect = {.verdict = least.verdict, .by_firmware = {}};
-  LeastRobustFile written{.file = flags.out.empty()
-                                      ? std::filesystem::path("results/search") / (scenario.name + ".yaml")
-                                      : flags.out,
-                          .replay = {}};
+  LeastRobustFile written{.file = flags.out, .replay = {}};
   written.replay = fmt::format("tiltproof run {}{}", Quoted(written.file.string()),
                                flags.clients.empty() ? "" : ClientFlagsOf(task.job.means.clients));
   const std::string heading =
-      fmt::format("# The least robust of {} flights, found by tiltproof search: {}, margin {}.\n# {}\n",
-                  least.number, Name(least.verdict),
+      fmt::format("{} {} flights, found by tiltproof search: {}, margin {}.\n# {}\n", kLeastRobustWords,
+                  found.flights.size(), Name(least.verdict),
                   least.margin ? fmt::format("{:.4g}", *least.margin) : "unknown", Plain(written.replay));
   if (written.file.has_parent_path()) std::filesystem::create_directories(written.file.parent_path());
   WriteFile(written.file, heading + WriteResolved(scenario));
@@ -168,12 +169,14 @@ LeastRobustTask MakeSearchTask(const LeastRobustFlags& flags, const SuiteScenari
   return task;
 }
 
-int SearchCommand(const LeastRobustFlags& flags) {
+int SearchCommand(LeastRobustFlags flags) {
   const FlightMeans means = LockstepMeans(ReadClientFlags(flags.clients), "search");
   Suite suite = LoadOneScenario(flags.scenario, means.clients, "search", flags.firmware);
   CheckReady(means);
   RemoveNotApplicable(means, true, suite);
   const LeastRobustTask task = MakeSearchTask(flags, suite.scenarios.front(), means);
+  if (flags.out.empty()) flags.out = task.job.scenario.name + "-least-robust.yaml";
+  CheckOwnFile(flags.out, kLeastRobustWords);
 
   const InterruptScope scope;
   if (flags.format != "jsonl") PrintBegin(task);
@@ -184,7 +187,7 @@ int SearchCommand(const LeastRobustFlags& flags) {
              .on_flight = [&](const SearchFlight& flight,
                               bool is_least) { PrintSearchFlight(flags, task, flight, is_least); }});
   if (const SearchFlight* least = found.least()) {
-    PrintEnd(flags, task, found, WriteLeast(flags, task, *least));
+    PrintEnd(flags, task, found, WriteLeast(flags, task, found));
     if (!found.has_margins)
       Print(stderr,
             "tiltproof: search: no criterion that a fault can change has a margin, only pass or fail: there "
@@ -213,12 +216,12 @@ void RegisterSearch(CLI::App& program, CommandLine& line) {
       ->add_option(
           "--over", flags->over,
           "Search this number: KEY=A..B, or a name: KEY=V1,V2. May be repeated. KEY is "
-          "faults.ID.parameters.NAME, faults.ID.start_s, which moves the window, or faults.ID.window_s, "
-          "its length (default: severities and windows of all faults, up to what the scenario has)")
+          "a path as of run --set; faults.ID.start_s moves the window, and faults.ID.window_s is its "
+          "length (default: severities and windows of all faults, up to what the scenario has)")
       ->type_name("KEY=A..B")
       ->allow_extra_args(false);
   command->add_option("--out", flags->out,
-                      "The least robust flight as a scenario (default: results/search/NAME.yaml)");
+                      "The least robust flight as a scenario (default: NAME-least-robust.yaml)");
   AddSeed(*command, flags->seed, "Overrides the scenario's seed");
   AddJobs(*command, flags->jobs_count);
   AddClients(*command, flags->clients);

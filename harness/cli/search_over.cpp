@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <memory>
 #include <utility>
 #include <vector>
 
 #include "faults/registry.h"
 #include "harness/campaign/fault_level.h"
 #include "harness/cli/commands.h"
+#include "harness/cli/suite.h"
 #include "harness/scenario/did_you_mean.h"
 
 namespace tiltproof::harness {
@@ -47,7 +49,7 @@ class OverFlag {
     else if (parts.size() == 4 && parts[0] == "faults" && parts[2] == "parameters")
       number = ParameterNumber(FindFault(parts[1]), parts[3]);
     else
-      Refuse("a key is faults.ID.start_s, faults.ID.window_s or faults.ID.parameters.NAME");
+      number = KeyNumber();
     number.name = key_;
     return number;
   }
@@ -137,6 +139,41 @@ class OverFlag {
       if (number.names[i] == std::get<std::string>(own->second)) number.own = static_cast<double>(i);
     number.set = [place, name, names = number.names](Scenario& changed, double value) {
       changed.faults.at(place).parameters[name] = names.at(static_cast<std::size_t>(value));
+    };
+    return number;
+  }
+
+  // Any other key, by its path; a list of names where no range is written.
+  SearchedNumber KeyNumber() const {
+    if (key_ == "model" || key_ == "name") Refuse("a search flies one vehicle, and writes one scenario");
+    SearchedNumber number{.name = {}, .unit = {}, .set = {}};
+    if (values_.find("..") != std::string::npos)
+      ReadRange(number, -1e300, 1e300);
+    else
+      number.names = SplitValues(values_);
+    if (number.low == 0 && number.high == 1 && number.names.size() == 1)
+      Refuse(fmt::format("'{}' is no range: write A..B, or V1,V2", values_));
+    const auto models = std::make_shared<ModelCache>();
+    const auto with = [key = key_, models](const Scenario& scenario, const std::string& value) {
+      return WithKey(scenario, {key, value}, *models);
+    };
+    std::vector<std::string> tried = number.names;
+    if (tried.empty()) tried = {fmt::format("{}", number.low), fmt::format("{}", number.high)};
+    try {
+      for (const std::string& value : tried) with(scenario_, value);
+    } catch (const std::exception& error) {
+      Refuse(error.what());
+    }
+    if (number.names.empty()) {
+      try {
+        with(scenario_, fmt::format("{}", number.low + 0.414 * (number.high - number.low)));
+      } catch (const std::exception&) {
+        number.whole = true;  // the ends are valid, and a fraction between them is not
+      }
+    }
+    number.set = [with, names = number.names](Scenario& changed, double value) {
+      changed =
+          with(changed, names.empty() ? fmt::format("{}", value) : names.at(static_cast<std::size_t>(value)));
     };
     return number;
   }

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <iterator>
+#include <span>
+#include <stdexcept>
 
 #include "faults/registry.h"
 #include "harness/cli/client_flag.h"
@@ -315,6 +317,14 @@ void Sweep(const std::vector<SweepAxis>& sweep, const RunClients& clients, const
     }
   }
   suite.scenarios = std::move(swept);
+}
+
+Scenario WithKey(const Scenario& scenario, const KeySetting& setting, ModelCache& models) {
+  try {
+    return WithSettings(scenario, std::span(&setting, 1), MakeReadOptions(models));
+  } catch (const ScenarioError& error) {
+    throw std::runtime_error(error.diagnostics().front().message);
+  }
 }
 
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder) {

@@ -67,6 +67,9 @@ Suite LoadSuite(const std::vector<std::filesystem::path>& paths, const RunClient
 void Sweep(const std::vector<SweepAxis>& sweep, const RunClients& clients, const std::string& build,
            Suite& suite);
 
+// The scenario with another value for one key. Throws std::runtime_error with the reason that it cannot have it.
+Scenario WithKey(const Scenario& scenario, const KeySetting& setting, ModelCache& models);
+
 // A scenario that was flown before, from its folder. Throws UsageError.
 LoadedScenario LoadFlown(const std::filesystem::path& scenario_folder);
 // The same for many folders, with the vehicles that are loaded already.

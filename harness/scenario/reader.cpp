@@ -128,6 +128,15 @@ Scenario ReadScenarioWith(const std::filesystem::path& file, std::span<const Key
                    [&](YamlNode& tree) { SetKeys(settings, resolved, tree, problems); });
 }
 
+Scenario WithSettings(const Scenario& scenario, std::span<const KeySetting> settings,
+                      const ReadOptions& options) {
+  std::vector<YamlProblem> problems;
+  const YamlNode resolved = ParseMapping(WriteResolved(scenario), scenario.file, problems);
+  YamlNode root = resolved;
+  return Interpret(scenario.file, root, options, problems,
+                   [&](YamlNode& tree) { SetKeys(settings, resolved, tree, problems); });
+}
+
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
                        const ReadOptions& options) {
   return Read(file, text, options).first;

@@ -70,6 +70,9 @@ Scenario ReadScenario(const std::filesystem::path& file, const ReadOptions& opti
 // The same with other values for some keys. A problem of a setting has a line of SettingOfLine().
 Scenario ReadScenarioWith(const std::filesystem::path& file, std::span<const KeySetting> settings,
                           const ReadOptions& options);
+// A scenario that was read before, with other values for some keys. Throws ScenarioError in the same way.
+Scenario WithSettings(const Scenario& scenario, std::span<const KeySetting> settings,
+                      const ReadOptions& options);
 // The same for a text from another source; `file` names it in messages.
 Scenario ParseScenario(const std::string& text, const std::filesystem::path& file,
                        const ReadOptions& options);

@@ -251,10 +251,6 @@ TEST(GainMarginAgainstTheory, OfPapersTorque) {
   ExpectGainMargin(PaperLoop(), StrongTiltRotor(), "paper", kTiltRotorInputs, 2, kNsPerMs, 60);
 }
 
-TEST(GainMarginAgainstTheory, OfTheQuadrotor) {
-  ExpectGainMargin(QuadrotorOfLqr(), StrongQuadrotor(), "lqr", kQuadrotorInputs, 0, 4 * kNsPerMs, 900);
-}
-
 // The table of docs/margins.md; some 100 flights:
 //   margins_theory_test --gtest_also_run_disabled_tests --gtest_filter='*Table*'
 TEST(MarginsAgainstTheory, DISABLED_Table) {
