@@ -16,7 +16,8 @@ void OfferFaults(CommandRow& program) {
   const auto command_of_faults =
       std::find_if(program.commands.begin(), program.commands.end(),
                    [](const CommandRow& command) { return command.name == "faults"; });
-  tiltproof::Check(command_of_faults != program.commands.end(), "there is a command for the catalogue of faults");
+  tiltproof::Check(command_of_faults != program.commands.end(),
+                   "there is a command for the catalogue of faults");
   for (OptionRow& option : command_of_faults->options)
     if (option.positional)
       for (const faults::FaultType& type : faults::FaultTypes()) option.offered.emplace_back(type.name);
