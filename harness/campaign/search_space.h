@@ -2,7 +2,7 @@
 //
 //   const std::vector<SearchedNumber> numbers = FaultNumbers(scenario, signals);
 //   RobustnessSearch search(AxesOf(numbers), stream, PointOf(numbers));
-//   for (const SearchPoint& point : search.Ask()) Fly(AtPoint(scenario, numbers, point));
+//   for (const SearchPoint& point : search.Ask()) FlyAlone(AtPoint(scenario, numbers, point));
 #pragma once
 
 #include <functional>

@@ -89,6 +89,10 @@ extern const MomentRange range;
 // harness/campaign/trials.h
 extern const examples::Function Take;
 
+// harness/campaign/search_space.h
+extern const std::uint64_t stream;
+extern const examples::Function FlyAlone;
+
 // harness/campaign/smallest_failure.h
 #include "harness/scenario/reader.h"
 extern const Scenario scenario;
@@ -184,7 +188,6 @@ extern const examples::Function log;
 extern std::string_view bytes;
 
 // harness/client/make_client.h
-ClientSettings SettingsOf(const Scenario& scenario);
 extern ClientHost host;
 
 // harness/client/sanitizer.h
@@ -322,11 +325,15 @@ double ValueOf(std::string_view signal);
 extern const std::vector<std::string> signals;
 
 // harness/node/board_reset.h
+extern const examples::Function Listen;
 extern NodeServices& services;
 extern link::SerialPort& port;
 
 // harness/process/cpu_wait.h
 extern TimeNs late_after_ns;
+
+// harness/node/reset_listener.h
+extern std::vector<std::uint8_t> pass;
 
 // harness/node/deaf_receiver.h
 extern std::span<const std::uint8_t> bytes;
@@ -517,6 +524,13 @@ extern const link::MessageType& type;
 extern std::vector<double> values;
 extern const link::Message message;
 extern const examples::Function Refuse;
+
+// harness/run/message_range.h
+extern const examples::Function Warn;
+
+// harness/run/realtime/send_backlog.h
+extern const link::LineRate rate;
+extern Lateness lateness;
 
 // harness/run/realtime/injection.h
 #include "harness/run/realtime/realtime_flight.h"
