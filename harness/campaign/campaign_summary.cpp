@@ -165,17 +165,18 @@ void CampaignSummarizer::TakeFailure(const CampaignRun& run) {
 
 CampaignCoverage CampaignSummarizer::CoverageOf() const {
   CampaignCoverage coverage;
-  for (const auto& [key, place] : places_) {
-    const auto range = std::find_if(
-        frame_.ranges.begin(), frame_.ranges.end(),
-        [&](const CampaignRange& one) { return one.type == key.first && one.place == key.second; });
+  for (const auto& [type_and_place, place] : places_) {
+    const auto is_of_place = [&key = type_and_place](const CampaignRange& range) {
+      return range.type == key.first && range.place == key.second;
+    };
+    const auto range = std::find_if(frame_.ranges.begin(), frame_.ranges.end(), is_of_place);
     const bool is_known = range != frame_.ranges.end();
     // Without a severity there is one band.
     const std::size_t bands = !is_known ? 0 : range->levels.empty() ? 1 : kBandsCount;
     coverage.cells += kPhasesCount * bands;
     CoverageRow& row = coverage.rows.emplace_back();
-    row.type = key.first;
-    row.place = key.second;
+    row.type = type_and_place.first;
+    row.place = type_and_place.second;
     row.drawn = place.drawn;
     row.activated = place.activated;
     for (std::size_t phase = 0; phase < kPhasesCount; ++phase) {

@@ -53,7 +53,7 @@ int Compare(const CompareCampaignsOptions& options) {
   if (options.format == "jsonl")
     Print(stdout, "{}\n", ToJsonLine(comparison));
   else
-    Print(stdout, "{}", ComparisonTable(comparison));
+    Print(stdout, "{}", TextLines(ComparisonTable(comparison)));
   return comparison.worse > 0 ? kExitNotGreen : kExitGreen;
 }
 

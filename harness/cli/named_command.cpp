@@ -32,8 +32,10 @@ NamedCommand FindCommand(const CLI::App& app, const std::vector<std::string>& ar
     // `campaign FILE` stands beside `campaign show`.
     if (found == names.end() && TakesArguments(*command.app)) break;
     if (found == names.end()) {
+      const std::string hint =
+          DidYouMean(argument, std::vector<std::string_view>(names.begin(), names.end()));
       command.trouble = command.typed + ": unknown command '" + argument + "'" +
-                        DidYouMean(argument, std::vector<std::string_view>(names.begin(), names.end()));
+                        (hint.empty() ? "; all commands: " + command.typed + " --help" : hint);
       break;
     }
     command.app = commands[static_cast<std::size_t>(found - names.begin())];

@@ -81,6 +81,7 @@ class CampaignResultsTest(CommandLineTest):
         code, out, _ = self.tiltproof("campaign", "compare", "a", "a")
         self.assertEqual(code, 0)
         self.assertIn("40 runs of both, 40 with the same trace; B is better in 0, worse in 0", out)
+        self.assertTrue(any(line.startswith("passes of B less those of A") for line in out.splitlines()), out)
 
     def test_errors_name_the_cause(self):
         self.fly("a", "--runs", "3")
