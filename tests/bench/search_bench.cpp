@@ -94,7 +94,7 @@ PlantedTrigger Cars(const std::string& name, const std::string& formula, std::si
 
 std::vector<PlantedTrigger> Problems() {
   std::vector<PlantedTrigger> problems = testing::PlantedTriggers();
-  for (const std::size_t parts : {5, 20}) {
+  for (const std::size_t parts : {5U, 20U}) {
     problems.push_back(Cars("CC1", "always[0,100](y5 - y4 <= 40)", parts));
     problems.push_back(Cars("CC2", "always[0,70](eventually[0,30](y5 - y4 >= 15))", parts));
     problems.push_back(
