@@ -15,7 +15,7 @@ namespace {
 TEST(LineLoad, FramesAreBetweenTheBoundsAndReachThem) {
   for (const link::Protocol& protocol : HeaderProtocols()) {
     if (protocol.framing->check_bytes() > 0) continue;
-    for (const std::size_t size : {1, 2, 100, 253, 254, 255, 256}) {
+    for (const std::size_t size : {1U, 2U, 100U, 253U, 254U, 255U, 256U}) {
       const FrameBytes bounds = FrameBytesOf(*protocol.framing, size);
       std::size_t least = SIZE_MAX, most = 0;
       for (int byte = 0; byte < 256; ++byte) {

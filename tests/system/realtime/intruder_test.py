@@ -62,7 +62,7 @@ class IntruderTest(unittest.TestCase):
         with open(self.folder / "said", "w+", encoding="utf-8") as said:
             station = subprocess.Popen([PROGRAM, "node", "base-station", "--domain", domain], stderr=said, stdout=subprocess.DEVNULL)
             self.addCleanup(lambda: (station.kill(), station.wait()))
-            time.sleep(4)  # it is no newcomer any more
+            time.sleep(6)  # it is no newcomer any more, 3 s after it has found its bus
             peer = subprocess.Popen([PEER, "heartbeat", domain, "tiltproof", "a-joystick", "joystick"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
             self.addCleanup(lambda: (peer.kill(), peer.wait(), peer.stdin.close(), peer.stdout.close()))
             self.assertEqual(peer.stdout.readline(), b"ready\n")
