@@ -140,7 +140,7 @@ class SmallestSearch {
     return true;
   }
 
-  // `again`: of a step that was told before, only a change is told.
+  // `again`: a step that was reported before is reported again only when it changed something.
   void Tell(std::string what, std::string before, std::string after, std::size_t runs_before,
             bool again = false) {
     if (again && before == after) return;

@@ -1,5 +1,5 @@
-// Finds the first `start` of a board that has been reset. While the reset lasts, nobody knows which bytes come from before
-// it: a firmware that runs since long ago may repeat `start` until it is answered.
+// Finds the first `start` of a board that has been reset. While the reset lasts, bytes may come from before it: the firmware
+// that ran until then may repeat `start` until it is answered.
 //
 //   ResetListener listener(protocol);
 //   listener.Hear(bytes);        // while the reset lasts: nothing passes
