@@ -13,8 +13,8 @@ namespace {
 
 bool SendsHighestBitFirst(CheckKind kind) { return kind == CheckKind::kCrc16Ibm3740; }
 
-// What one wrong bit changes between check and payload, by its distance from the last bit of the check. Bits count in
-// the order in which the CRC divides them. `bits`: of payload and check.
+// The effect of one wrong bit on check against payload, by the bit's distance from the last one of the check. Bits count
+// in the order in which the CRC divides them. `bits`: of payload and check.
 std::vector<std::uint32_t> Syndromes(CheckKind kind, std::size_t bits) {
   const std::size_t check_bytes = CheckBytes(kind);
   std::vector<std::uint32_t> syndromes(bits);
