@@ -101,7 +101,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     return FlyRealtime(scenario, *job.model,
                        {.program = ProgramFile(),
                         .scenario_yaml = WriteResolved(scenario),
-                        .client = means.ClientsOf(scenario).front(),
+                        .clients = means.ClientsOf(scenario),
                         .attach = means.attach,
                         .place = place,
                         .interface = means.interface,
