@@ -190,6 +190,13 @@ extern std::string_view bytes;
 // harness/client/make_client.h
 extern ClientHost host;
 
+// harness/client/program_client.h
+extern ClientHost host;
+extern const ProgramHello hello;
+
+// harness/client/program_process.h
+extern const std::function<void(std::string)> on_line;
+
 // harness/client/sanitizer.h
 extern const std::string line;
 
