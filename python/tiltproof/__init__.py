@@ -18,10 +18,10 @@ from __future__ import annotations
 
 from tiltproof._campaign import Margin, campaign, margin
 from tiltproof._flight import Flight, fly
-from tiltproof._program import Error, program
+from tiltproof._program import Error, find_program
 from tiltproof._result import Criterion, FlightOver, NotReached, RequestError, Result, Trace
 
 __all__ = [
     "Criterion", "Error", "Flight", "FlightOver", "Margin", "NotReached", "RequestError", "Result", "Trace",
-    "campaign", "fly", "margin", "program",
+    "campaign", "find_program", "fly", "margin",
 ]

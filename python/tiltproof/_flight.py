@@ -10,7 +10,7 @@ import tempfile
 from types import TracebackType
 from typing import Any, Iterable, Mapping
 
-from tiltproof._program import Error, program
+from tiltproof._program import Error, find_program
 from tiltproof._result import FlightOver, NotReached, RequestError, Result
 
 
@@ -52,7 +52,7 @@ class Flight:
     def __init__(self, arguments: list[str]) -> None:
         self._log = tempfile.TemporaryFile()
         self._session = subprocess.Popen(
-            [program(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log
+            [find_program(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log
         )
         self._result: Result | None = None
         self.time_s = 0.0

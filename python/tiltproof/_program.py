@@ -13,7 +13,7 @@ class Error(Exception):
     """The program refuses or fails; the message is its own, with the place and the fix."""
 
 
-def program() -> str:
+def find_program() -> str:
     """The program: the environment's TILTPROOF, or that of this source tree, or the installed one."""
     named = os.environ.get("TILTPROOF")
     if named:
@@ -29,7 +29,7 @@ def program() -> str:
 
 def run(arguments: Sequence[str], accepted: Sequence[int]) -> str:
     """The standard output of a command. Raises Error for an exit code that is not accepted."""
-    done = subprocess.run([program(), *arguments], capture_output=True, text=True, check=False)
+    done = subprocess.run([find_program(), *arguments], capture_output=True, text=True, check=False)
     if done.returncode not in accepted:
         raise Error(done.stderr.strip() or f"{arguments[0]} ended with exit code {done.returncode}")
     return done.stdout

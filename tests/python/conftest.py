@@ -9,7 +9,7 @@ import pytest
 
 import tiltproof
 
-BUILD = pathlib.Path(tiltproof.program()).resolve().parent
+BUILD = pathlib.Path(tiltproof.find_program()).resolve().parent
 IMAGE = pathlib.Path(os.environ.get("TILTPROOF_IMAGES", BUILD / "firmware/stm32f4")) / "executive-paper.elf"
 # Clients of the same firmware. A program follows, where there is one.
 CLIENTS = ["host", "image"]

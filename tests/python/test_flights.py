@@ -23,7 +23,7 @@ def flown_from_a_file(text: str, client: str = "host", seed: int | None = None) 
         pass
     # A flight that nobody steers is itself that of `run`.
     done = subprocess.run(
-        [tiltproof.program(), "run", file, "--client", client, "--no-report", "--out", "run"]
+        [tiltproof.find_program(), "run", file, "--client", client, "--no-report", "--out", "run"]
         + ([] if seed is None else ["--seed", str(seed)]),
         stdout=subprocess.DEVNULL, check=False,
     )
@@ -230,7 +230,7 @@ def test_margins_and_campaigns_are_rows(scenario: pathlib.Path) -> None:
     margin = tiltproof.margin(scenario, "late", tolerance=0.5, high=30, repeats=1)
     assert margin.parameter == "mean_ms" and margin.survives is not None and margin.fails is not None
     assert 0 < margin.survives < margin.fails <= 30
-    subprocess.run([tiltproof.program(), "campaign", scenario, "--runs", "3", "--out", "camp"], stdout=subprocess.DEVNULL, check=False)
+    subprocess.run([tiltproof.find_program(), "campaign", scenario, "--runs", "3", "--out", "camp"], stdout=subprocess.DEVNULL, check=False)
     rows = tiltproof.campaign("camp")
     assert [row["number"] for row in rows] == [0, 1, 2] or [row["number"] for row in rows] == [1, 2, 3]
     assert all(row["verdict"] in ("pass", "fail", "inconclusive") and row["criteria"] for row in rows)
