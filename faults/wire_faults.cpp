@@ -6,8 +6,6 @@
 #include <span>
 #include <utility>
 
-#include "link/check.h"
-
 namespace tiltproof::faults {
 namespace {
 
@@ -42,9 +40,10 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
       .acts_on_overlap = kind.acts_on_overlap,
       .sends_back = kind.sends_back,
       .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction})};
-  Check(!kind.remembers || kind.wire_layer == WireLayer::kFrame, "models that remember act on frames");
+  // No model of a later layer depends on frames before its window.
   for (const link::Chunk& past : past_) {
-    if (!injector.remembers || !injector.trigger.Sees(past.message)) continue;
+    const bool sees = injector.layer == WireLayer::kFrame && injector.trigger.Sees(past.message);
+    if (!injector.remembers || !sees) continue;
     out_.clear();
     injector.model->Pass(link::Chunk(past), out_);
     injector.model->Release(out_);

@@ -82,7 +82,7 @@ class WireFaults final : public link::ChunkFilter {
   std::vector<link::Chunk> out_, sent_back_;
   link::Chunk before_;
   bool grows_ = false;
-  std::deque<link::Chunk> past_;  // as they left the first layer, which has all models that remember
+  std::deque<link::Chunk> past_;  // as they left the first layer, for its models that remember
   std::size_t past_bytes_ = 0;
 };
 
