@@ -11,8 +11,8 @@ import tiltproof
 
 BUILD = pathlib.Path(tiltproof.find_program()).resolve().parent
 IMAGE = pathlib.Path(os.environ.get("TILTPROOF_IMAGES", BUILD / "firmware/stm32f4")) / "executive-paper.elf"
-# Clients of the same firmware. A program follows, where there is one.
-CLIENTS = ["host", "image"]
+CLIENTS = ["host", "image", "program"]
+PROGRAM = BUILD / "lib/minimal_program"
 
 CLIMB = """\
 name: climb
@@ -35,8 +35,12 @@ def scenario(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib
 @pytest.fixture(params=CLIENTS)
 def client(request: pytest.FixtureRequest) -> str:
     """Each client in turn, as --client takes it."""
-    if request.param != "image":
-        return str(request.param)
-    if not IMAGE.is_file():
-        pytest.skip("no images are built")
-    return f"qemu:{IMAGE}"
+    if request.param == "image":
+        if not IMAGE.is_file():
+            pytest.skip("no images are built")
+        return f"qemu:{IMAGE}"
+    if request.param == "program":
+        if not PROGRAM.is_file():
+            pytest.skip("the example of a program is not built")
+        return f"program:{PROGRAM}"
+    return "host"
