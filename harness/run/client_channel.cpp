@@ -29,12 +29,12 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                             Callbacks callbacks)
+                             Callbacks callbacks, bool grows)
     : scenario_(scenario),
       index_(client),
       line_(line),
       callbacks_(std::move(callbacks)),
-      faults_(ClientFaults(scenario, client)),
+      faults_(ClientFaults(scenario, client, nullptr, grows)),
       records_(sink, client),
       commands_(ClientCommands(scenario, client)),
       reference_talk_(*scenario.link.protocol) {}

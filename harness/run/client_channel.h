@@ -39,9 +39,10 @@ class ClientChannel {
     std::function<void(const ClientChannel&, BootTime at)> before_ahead;
   };
 
-  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own.
+  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own. `grows`: Add()
+  // will be called.
   ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                Callbacks callbacks);
+                Callbacks callbacks, bool grows = false);
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
@@ -66,6 +67,9 @@ class ClientChannel {
   // Gives the client the bytes that have arrived and runs it: a library at `now`, an emulator up to `horizon`
   // at most.
   void Run(BootTime now, BootTime horizon);
+
+  // One more fault of the scenario, at the receiver. Only in a channel that grows.
+  void Add(const faults::FaultSpec& fault) { faults_.Add(fault); }
 
   // Events of the faults on the line, the receiver and the board: what other faults wait for, and what these
   // faults wait for.

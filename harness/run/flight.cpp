@@ -31,14 +31,43 @@ class OwnDraws {
   OwnDraws& operator=(const OwnDraws&) = delete;
 };
 
+// The parts in this process that a steered flight changes.
+struct SteeredParts {
+  LocalPlantServer& server;
+  LocalLine& line;
+};
+
+// A window cannot say so.
+void NeverBegins(faults::FaultSpec& fault) {
+  fault.start_ns = kPowerOn;
+  fault.end_ns = kNever;
+  fault.period_ns = kNever;
+  fault.duty.reset();
+  fault.after.reset();
+  fault.when = "false";
+  fault.edge = faults::Edge::kLevel;
+}
+
 // Counts in boot time.
-class Conductor {
+class Conductor final : private SteeredFlight {
  public:
+  // `steered`: null unless the options steer.
   Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
-            const FlightOptions& options);
+            const FlightOptions& options, const SteeredParts* steered);
   RunLog Run();
 
  private:
+  TimeNs time_ns() const override { return started() ? origin().SimulationTime(steered_at_ns_) : 0; }
+  const std::vector<double>& Row() override;
+  TimeNs FaultTime(const faults::FaultSpec& fault) const override;
+  void Add(const faults::FaultSpec& fault) override;
+  void Remove(std::size_t fault) override;
+  void Stop() override;
+  void Steer(BootTime now) {
+    if (steered_ == nullptr || stopped_) return;
+    steered_at_ns_ = now;
+    options_.steer(*this);
+  }
   // Parts of each client, the selected client's first. A failure of one of several clients names it.
   template <class Act>
   void Each(const Act& act) {
@@ -81,7 +110,7 @@ class Conductor {
   Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
   BootTime EndTime() const {
-    return started() ? origin().ToBootTime(scenario_.duration_ns) : BootTime(StartWait(scenario_));
+    return started() ? origin().ToBootTime(end_ns_) : BootTime(StartWait(scenario_));
   }
 
   const Scenario& scenario_;
@@ -101,10 +130,15 @@ class Conductor {
   std::optional<TimeNs> sampled_ns_;  // the last time
   std::size_t moment_ = 0;            // of FlightOptions::moments, the next
   bool departed_ = false;             // the future of the options has begun
+  const SteeredParts* steered_;
+  TimeNs end_ns_;  // of the flight
+  bool stopped_ = false;
+  BootTime steered_at_ns_;
+  std::vector<double> row_, watched_;  // for the steersman
 };
 
 Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
-                     LogBuilder& log, const FlightOptions& options)
+                     LogBuilder& log, const FlightOptions& options, const SteeredParts* steered)
     : scenario_(scenario),
       options_(options),
       server_(server),
@@ -112,13 +146,16 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       references_(*scenario.link.protocol),
       counts_(lines.size()),
       log_(log),
-      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)) {
+      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)),
+      steered_(steered),
+      end_ns_(scenario.end_ns()) {
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
         scenario, client, *lines[client], log,
-        ClientChannel::Callbacks{.on_news = [this] { ForwardEvents(); },
-                                 .before_ahead = [this](const ClientChannel& channel,
-                                                        BootTime at) { FollowAhead(channel, at); }}));
+        ClientChannel::Callbacks{
+            .on_news = [this] { ForwardEvents(); },
+            .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }},
+        steered != nullptr));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
 }
 
@@ -129,6 +166,7 @@ RunLog Conductor::Run() {
     if (options_.future)
       for (ClientChannel& channel : channels_) channel.CutCommands(*options_.future);
     MeetMoments(BootTime::Earliest());
+    Steer(BootTime::Earliest());
     Each([&](ClientChannel& channel) { channel.PowerOn(options_.make_client); });
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
@@ -157,7 +195,10 @@ void Conductor::Conduct() {
     AdvancePlant(now);
     if (over()) return;
     ForwardEvents();
-    if (now == next_reference_ns_) SendReference(now);
+    if (now == next_reference_ns_) {
+      Steer(now);
+      SendReference(now);
+    }
     SendOwn(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
@@ -180,6 +221,51 @@ void Conductor::MeetMoments(BootTime now) {
   if (departed_ || !options_.future || options_.future->from_ns > time_ns) return;
   departed_ = true;
   Become(*options_.future);
+}
+
+const std::vector<double>& Conductor::Row() {
+  steered_->server.Look(Counts(), row_);
+  std::copy(watched_.begin(), watched_.end(), row_.end() - static_cast<std::ptrdiff_t>(watched_.size()));
+  return row_;
+}
+
+// A chunk that has passed the filters is past, even if it is still on the line. A client that runs on has got the bytes of this very
+// instant.
+TimeNs Conductor::FaultTime(const faults::FaultSpec& fault) const {
+  if (!started()) return 0;
+  const faults::FaultType* type = faults::FindFaultType(fault.type);
+  Check(type != nullptr, "a fault that is added is valid");
+  if (type->As<faults::WireKind>() != nullptr)
+    return std::max(time_ns(), origin().SimulationTime(steered_->line.FreeTime()));
+  return type->As<faults::ReceiverKind>() != nullptr ? time_ns() + 1 : time_ns();
+}
+
+void Conductor::Add(const faults::FaultSpec& fault) {
+  Check(!faults::WaitsForEvent(fault) && fault.start_ns >= FaultTime(fault),
+        "a fault that is added begins from now on, by the clock");
+  steered_->server.Add(fault);
+  steered_->line.Add(fault);
+  channels_.front().Add(fault);
+  options_.flown->faults.push_back(fault);
+}
+
+void Conductor::Remove(std::size_t fault) {
+  CheckIndex(fault, options_.flown->faults.size(), "a fault that is removed is one of the scenario");
+  faults::FaultSpec& spec = options_.flown->faults[fault];
+  const TimeNs end_ns = started() ? FaultTime(spec) : kPowerOn;
+  const std::vector<faults::FaultEvent> cut = {{faults::FaultEvent::Kind::kCut, fault, end_ns}};
+  server_.Hear(cut);
+  for (ClientChannel& channel : channels_) channel.Hear(cut);
+  if (!started() || spec.start_ns >= end_ns)
+    NeverBegins(spec);
+  else
+    spec.end_ns = std::min(spec.end_ns, end_ns);
+}
+
+void Conductor::Stop() {
+  stopped_ = true;
+  end_ns_ = std::min(std::max(time_ns(), scenario_.link.protocol->control_period_ns), end_ns_);
+  options_.flown->stop_ns = end_ns_;
 }
 
 void Conductor::Become(const Future& future) {
@@ -322,6 +408,7 @@ void Conductor::Sample(BootTime now) {
       log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});
     if (scenario_.watch.empty()) continue;
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
+    if (steered_ != nullptr) watched_ = sample.watched;
     log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
   }
 }
@@ -330,8 +417,7 @@ RunLog Conductor::Finish() {
   const PlantServer::State& state = server_.state();
   if (state.over && end_.reason == EndReason::kCompleted) End(state.end_reason, state.end_text);
   TimeNs end_ns = 0;
-  if (state.started())
-    end_ns = end_.reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
+  if (state.started()) end_ns = end_.reason == EndReason::kCompleted ? end_ns_ : state.reached_ns;
   // After a failure a client may be in the middle of a call.
   const bool trouble = end_.reason == EndReason::kFirmwareHung ||
                        end_.reason == EndReason::kFirmwareCrashed || end_.reason == EndReason::kHarnessError;
@@ -393,15 +479,19 @@ std::string NeverStartedText(const Scenario& scenario) {
 
 RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
                const FlightOptions& options) {
-  return Conductor(scenario, lines, server, log, options).Run();
+  return Conductor(scenario, lines, server, log, options, nullptr).Run();
 }
 
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
   const VehicleSignals signals = model.signals();
-  LogBuilder log(scenario, signals, options.observer);
-  LocalLines lines(scenario, log);
-  LocalPlantServer server(scenario, model, log);
-  return Conduct(scenario, lines.all(), server, log, options);
+  const bool steers = static_cast<bool>(options.steer);
+  Check(!steers || (options.flown != nullptr && scenario.client_count() == 1),
+        "a steered flight has one client, and tells what was flown");
+  LogBuilder log(steers ? *options.flown : scenario, signals, options.observer);
+  LocalLines lines(scenario, log, steers);
+  LocalPlantServer server(scenario, model, log, steers);
+  const SteeredParts steered{server, lines.local().front()};
+  return Conductor(scenario, lines.all(), server, log, options, steers ? &steered : nullptr).Run();
 }
 
 }  // namespace tiltproof::harness

@@ -195,7 +195,7 @@ void LogBuilder::AddInjected() {
       active.push_back(activity.Contains(FromSeconds(trace.at(r, 0))) ? 1.0 : 0.0);
       trace.mutable_row(r)[layout_.faults_active_count] += active.back();
     }
-    trace.AppendColumn("active_" + fault.id, active);
+    trace.InsertColumn(layout_.active + i, "active_" + fault.id, active);
   }
 }
 

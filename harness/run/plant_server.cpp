@@ -225,12 +225,17 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
 // Before anything else happens at this boundary.
 void LocalPlantServer::LookAtConditions() {
   if (conditions_.empty() || SimTime(boundary_ns_) % protocol_.control_period_ns != 0) return;
-  std::vector<double> row(layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
-  FillRow(SimTime(boundary_ns_), AllCounts(clients_.size()), row);
+  std::vector<double> row;
+  Look(AllCounts(clients_.size()), row);
   std::vector<faults::FaultEvent> events;
   conditions_.Look(SimTime(boundary_ns_), row, events);
   Hear(events);
   news_.insert(news_.end(), events.begin(), events.end());
+}
+
+void LocalPlantServer::Look(const AllCounts& counts, std::vector<double>& row) const {
+  row.assign(layout_.columns.size(), kNothingYet);
+  FillRow(state_.started() ? SimTime(boundary_ns_) : 0, counts, row);
 }
 
 void LocalPlantServer::Hear(std::span<const faults::FaultEvent> events) {

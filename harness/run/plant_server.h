@@ -98,6 +98,8 @@ class LocalPlantServer final : public PlantServer {
 
   // One more fault of the scenario, while it flies. The rows have no column for it.
   void Add(const faults::FaultSpec& fault);
+  // The row at the present step boundary, as conditions of faults see it.
+  void Look(const AllCounts& counts, std::vector<double>& row) const;
 
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,

@@ -231,6 +231,23 @@ void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
          arbiter.client, kClientRule);
 }
 
+void DescribeTimes(KeyVisitor& v, Scenario& s) {
+  v.Seconds({"duration_s",
+             "Length of the flight from the accepted start; its log takes about 8 MiB of memory per minute",
+             kRequired},
+            s.duration_ns, {kShortest_s, 14400});
+  v.Seconds({"stop_s",
+             "The flight is stopped here, before duration_s, as a script does; criteria may stay undecided"},
+            s.stop_ns, {kShortest_s, 14400});
+  v.Seconds({"step_s", "Step of the plant's integration; must divide the protocol's control period (0.012)"},
+            s.step_ns, {kShortest_s, 1});
+  v.Seconds(
+      {"delay_margin_s",
+       "Delay that the loop of vehicle and firmware tolerates; in real time, this machine is late after "
+       "a third of it"},
+      s.delay_margin_ns, {0.0001, 10});
+}
+
 // Criteria that every scenario has.
 void DescribeOwnCriteria(KeyVisitor& v, Scenario& s) {
   v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
@@ -284,17 +301,7 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "All random draws derive from it"}, seed, {0, 9007199254740991});
   s.seed = static_cast<std::uint64_t>(seed);
-  v.Seconds({"duration_s",
-             "Length of the flight from the accepted start; its log takes about 8 MiB of memory per minute",
-             kRequired},
-            s.duration_ns, {kShortest_s, 14400});
-  v.Seconds({"step_s", "Step of the plant's integration; must divide the protocol's control period (0.012)"},
-            s.step_ns, {kShortest_s, 1});
-  v.Seconds(
-      {"delay_margin_s",
-       "Delay that the loop of vehicle and firmware tolerates; in real time, this machine is late after "
-       "a third of it"},
-      s.delay_margin_ns, {0.0001, 10});
+  DescribeTimes(v, s);
   Enumeration(
       v,
       {"angular_rates",

@@ -2,6 +2,7 @@
 // YAML here.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -132,6 +133,8 @@ struct Scenario {
   std::int64_t clean_line_periods_count = 1;  // that may be unclean, of each kind
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
+  TimeNs stop_ns = kNever;  // the flight is stopped before its duration
+  TimeNs end_ns() const { return std::min(duration_ns, stop_ns); }
   TimeNs step_ns = 4 * kNsPerMs;
   // The delay that the loop of vehicle and firmware tolerates, in addition to its own. The default is that of
   // the paper's vehicle and gain, rounded: tests/plant/lqr_design_test.cpp computes 8.99 ms.

@@ -142,6 +142,11 @@ extern const FrameSample sample;
 extern const CheckGroup group;
 extern faults::Random random;
 
+// harness/cli/session_talk.h
+extern const nlohmann::ordered_json hello, ended;
+extern ModelCache models;
+extern FlightJob job;
+
 // harness/cli/live_page.h
 extern const RunOptions options;
 extern const FlightMeans means;

@@ -142,7 +142,7 @@ RunLog RealtimeConductor::Run() {
   const bool completed = ending_.reason() == EndReason::kCompleted;
   node_faults_.WriteTo(collector_.log());
   collector_.log().Write(
-      {completed ? scenario_.duration_ns : ending_.end_ns(),
+      {completed ? scenario_.end_ns() : ending_.end_ns(),
        {},
        record::End{.reason = ending_.reason(),
                    .text = ending_.text(),
@@ -301,7 +301,7 @@ void RealtimeConductor::Turn() {
   // not go on.
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(sim_ns_ + ++turn_count_ % kNsPerUs, std::memory_order_relaxed);
-  collector_.Drain(std::min(sim_ns_, scenario_.duration_ns));
+  collector_.Drain(std::min(sim_ns_, scenario_.end_ns()));
   if (!collector_.overfull().empty()) End(EndReason::kHarnessError, collector_.overfull());
   OnStates();
   WatchMembers();
@@ -360,7 +360,7 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const std::chrono::nanoseconds duration(scenario_.duration_ns), start_wait(StartWait(scenario_));
+  const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
     Turn();
     Inject();

@@ -206,6 +206,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.start_within_ns == b.start_within_ns);
   RC_ASSERT(a.seed == b.seed);
   RC_ASSERT(a.duration_ns == b.duration_ns);
+  RC_ASSERT(a.stop_ns == b.stop_ns);
   RC_ASSERT(a.step_ns == b.step_ns);
   RC_ASSERT(a.angular_rates == b.angular_rates);
   RC_ASSERT(a.allow_invalid_inertia == b.allow_invalid_inertia);
