@@ -115,7 +115,7 @@ void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<
 // The other builds hold a gain of their own, and an image has no parameters.
 bool TakesGain(const ClientSpec& client, const std::string& build) {
   if (AbilitiesOf(client, false).shipped) return build == kLqrBuild;
-  return std::holds_alternative<HostLibrary>(client) || std::holds_alternative<Program>(client);
+  return !std::holds_alternative<EmulatedImage>(client) && !std::holds_alternative<SerialBoard>(client);
 }
 
 void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& clients,
@@ -125,7 +125,7 @@ void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& cli
     if (TakesGain(clients[i], scenario.firmware_of(i))) return;
   const std::string why = fmt::format(
       "{} does not take a gain; `firmware: lqr` does, and so do a library (library:FILE) and a program "
-      "(process:CMD) of your own",
+      "(program:CMD, process:CMD) of your own",
       AbilitiesOf(clients.front(), false).shipped ? fmt::format("the build '{}'", scenario.firmware_of(0))
                                                   : fmt::format("the client {}", ToText(clients.front())));
   problems.push_back({fmt::format("{}: gain: {}", scenario.file.string(), why), "gain: " + why});
@@ -206,6 +206,7 @@ std::string WhyUntold(const Told& told, const Scenario& scenario, std::size_t cl
     if (told.by_library(FirmwareFile(spec, firmware, DialectOf(*scenario.link.protocol)))) return "";
     return fmt::format("{} has no function {} (firmware/tiltproof_client.h)", ToText(spec), told.function);
   }
+  if (std::holds_alternative<LockstepProgram>(spec)) return "";  // it tells it when it runs, if ever
   return fmt::format("the client {} does not report its {}", ToText(spec), told.noun);
 }
 
