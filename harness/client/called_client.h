@@ -38,6 +38,7 @@ class CalledClient : public Client {
   virtual TimeNs RunFirmware(TimeNs shown) = 0;
   virtual TimeNs ResetFirmware(TimeNs shown) = 0;
   virtual std::optional<ClientStatus> AskStatus() = 0;
+  virtual std::optional<std::uint32_t> AskRole() = 0;
   // Passes complete lines of its output to LogLine(), or also what has no end yet.
   virtual void TakeOutput(bool all) = 0;
 

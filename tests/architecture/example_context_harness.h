@@ -469,8 +469,7 @@ extern const Record record;
 #include "harness/run/flight.h"
 
 // harness/run/arbiter.h
-extern std::vector<double> commanded;
-extern const struct Message { std::vector<double> actuators; } message;
+extern std::vector<double> command;
 
 // harness/client/task_delays.h
 extern Origin origin;
