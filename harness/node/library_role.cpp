@@ -97,7 +97,11 @@ class LibraryRole final : public Role {
         Tell(trouble);
       }
     }
-    totals.firmware_end = firmware_end_;
+    if (scenario_.has_several_clients() && loss_) {
+      loss_->time_ns = origin_.SimulationTime(OfNode(now_ns_));
+      totals.loss = loss_;
+    }
+    if (loss_ && !MayLose(scenario_, place_)) totals.firmware_end = loss_->end;
     services_.log().Write({0, place_, std::move(totals)});
   }
 
@@ -137,7 +141,7 @@ class LibraryRole final : public Role {
 
   void Tell(const FirmwareTrouble& trouble) {
     stopped_ = lost_ = true;
-    firmware_end_ = trouble.end;
+    if (!loss_) loss_ = {.hung = trouble.hung, .text = trouble.what(), .end = trouble.end};
     services_.Fail(trouble.hung ? EndReason::kFirmwareHung : EndReason::kFirmwareCrashed, trouble.what());
   }
 
@@ -208,7 +212,7 @@ class LibraryRole final : public Role {
   std::size_t changes_count_ = 0;
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
-  std::optional<FirmwareEnd> firmware_end_;
+  std::optional<ClientLoss> loss_;
   bool stopped_ = false, lost_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::RunState> states_;

@@ -154,7 +154,7 @@ class LinkRole final : public Role {
     SampleCounts(now);
     // Without t = 0 all records count from now.
     if (!line_->origin().known()) line_->SetOrigin(origin);
-    line_->Finish(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
+    line_->Finish(std::min(now, origin.ToBootTime(scenario_.end_ns())));
   }
 
  private:
@@ -346,7 +346,7 @@ class LinkRole final : public Role {
   // The counters as they stood on the grid of control periods, for the trace.
   void SampleCounts(BootTime now) {
     if (!line_->origin().known()) return;
-    for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
+    for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.end_ns();
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
       services_.log().Write({next_sample_ns_, place_, record::Counters{line_->counts()}});
   }

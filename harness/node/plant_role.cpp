@@ -110,14 +110,14 @@ class PlantRole final : public Role {
   void Advance(BootTime now) {
     const PlantServer::State& state = server_->state();
     if (finished_ || !state.started()) return;
-    const BootTime end = state.origin.ToBootTime(loaded_.scenario.duration_ns);
+    const BootTime end = state.origin.ToBootTime(loaded_.scenario.end_ns());
     server_->Advance(std::min(now, end), no_counts_);
     if (now < end && !state.over) return;
     if (!state.over) server_->Finish(end, no_counts_);
     finished_ = true;
     timer_.reset();
     Publish(std::min(now, end));
-    services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.duration_ns,
+    services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.end_ns(),
                        state.origin, state.end_reason, state.end_text);
   }
 

@@ -34,9 +34,9 @@ inline std::size_t ClientPlace(const Scenario& scenario, const std::string& id) 
                            "': give the node one of its ids with --id: " + ids);
 }
 
-// True if the flight goes on without this client.
+// True if the flight goes on without this client, as long as another one is left.
 inline bool MayLose(const Scenario& scenario, std::size_t client) {
-  return scenario.has_several_clients() && client != scenario.selected_client();
+  return scenario.is_redundant() || (scenario.has_several_clients() && client != scenario.selected_client());
 }
 
 // The client that a record is about; none in a flight with one, which needs no name.

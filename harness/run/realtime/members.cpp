@@ -149,7 +149,7 @@ std::vector<MemberChange> Members::Watch(const std::vector<dds::NodeLife>& nodes
     const bool heard = found == nodes.end() || found->alive;
     if (heard) {
       if (member.silent_since)
-        changes.push_back({MemberChange::Kind::kBack, member.role, false,
+        changes.push_back({MemberChange::Kind::kBack, member.role, false, false,
                            fmt::format("the {} node is heard again after {} ms", member.id,
                                        duration_cast<milliseconds>(now - *member.silent_since).count())});
       member.silent_since.reset();
@@ -158,7 +158,7 @@ std::vector<MemberChange> Members::Watch(const std::vector<dds::NodeLife>& nodes
     }
     if (!member.silent_since) {
       member.silent_since = now;
-      changes.push_back({MemberChange::Kind::kSilent, member.role, false,
+      changes.push_back({MemberChange::Kind::kSilent, member.role, false, false,
                          fmt::format("the {} node missed its lease of 200 ms", member.id)});
     }
     JudgeSilent(member, processes != nullptr ? processes->Find(member.role) : nullptr, paused, now, changes);
@@ -175,7 +175,8 @@ void Members::LoseEnded(NodeProcesses& processes, const std::function<bool(const
     Member unknown;
     unknown.id = name;
     Member* member = FindRole(name);
-    Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), changes);
+    Lose(member != nullptr ? *member : unknown, process->ExitText().value_or("has ended"), changes, true,
+         false);
   }
 }
 
@@ -197,14 +198,14 @@ void Members::JudgeSilent(Member& member, ChildProcess* process, const std::set<
       const bool itself = HasStoppedItself(process->pid());
       Lose(member,
            itself ? "does not answer: it has stopped itself" : "does not answer: its process is stopped",
-           changes, itself || paused.contains(member.role));
+           changes, itself || paused.contains(member.role), true);
     } else if (silent_for > kHangLimit) {
-      Lose(member, "does not answer: it hangs", changes, !HostIsSilent(member) && holds_firmware);
+      Lose(member, "does not answer: it hangs", changes, !HostIsSilent(member) && holds_firmware, true);
     }
   } else if (now - *member.silent_since > kPartitionLimit) {
     Lose(member,
          fmt::format("was not heard for {} s: it ended, hangs or is cut off", kPartitionLimit.count() / 1000),
-         changes, !HostIsSilent(member) && holds_firmware);
+         changes, !HostIsSilent(member) && holds_firmware, true);
   }
 }
 
@@ -214,11 +215,12 @@ bool Members::HostIsSilent(const Member& member) const {
   });
 }
 
-void Members::Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame) {
+void Members::Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame,
+                   bool hung) {
   if (member.lost) return;
   member.lost = true;
   const bool firmware = blame && member.kind == NodeKind::kClient;
-  changes.push_back({MemberChange::Kind::kLost, member.role, firmware,
+  changes.push_back({MemberChange::Kind::kLost, member.role, firmware, hung,
                      firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
                               : fmt::format("the {} node {}", member.id, how)});
 }

@@ -43,6 +43,7 @@ struct MemberChange {
   enum class Kind { kSilent, kBack, kLost } kind;
   std::string role;
   bool firmware = false;  // it is the node of the firmware under test
+  bool hung = false;      // lost: it does not answer; otherwise it has ended
   std::string text;
 };
 
@@ -95,7 +96,8 @@ class Members {
   void JudgeSilent(Member& member, ChildProcess* process, const std::set<std::string>& paused,
                    std::chrono::steady_clock::time_point now, std::vector<MemberChange>& changes);
   // `blame`: whether the firmware is to answer for it when it is the client's node.
-  void Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame = true);
+  void Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame,
+            bool hung);
   // Another node of its host is silent too: then it is the host or the network, not this node.
   bool HostIsSilent(const Member& member) const;
   // The member that the node would be, or that is in its place. Null: none is, and the node's client is none of ours.

@@ -75,7 +75,7 @@ class RealtimeConductor {
   void Restart(const std::string& role);
   std::string ClientKindFor(const Member& member) const;
   // True if the flight goes on without the client whose node this is, which is then out of it.
-  bool LoseClient(const Member& member, const std::string& text);
+  bool LoseClient(const Member& member, bool hung, const std::string& text);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
@@ -147,7 +147,7 @@ RunLog RealtimeConductor::Run() {
   const bool completed = ending_.reason() == EndReason::kCompleted;
   node_faults_.WriteTo(collector_.log());
   collector_.log().Write(
-      {completed ? scenario_.duration_ns : ending_.end_ns(),
+      {completed ? scenario_.end_ns() : ending_.end_ns(),
        {},
        record::End{.reason = ending_.reason(),
                    .text = ending_.text(),
@@ -323,7 +323,7 @@ void RealtimeConductor::Turn() {
   // not go on.
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(sim_ns_ + ++turn_count_ % kNsPerUs, std::memory_order_relaxed);
-  collector_.Drain(std::min(sim_ns_, scenario_.duration_ns));
+  collector_.Drain(std::min(sim_ns_, scenario_.end_ns()));
   if (!collector_.overfull().empty()) End(EndReason::kHarnessError, collector_.overfull());
   OnStates();
   WatchMembers();
@@ -349,19 +349,26 @@ void RealtimeConductor::OnStates() {
     const bool of_node =
         reason && (WentAway(*reason) || reason == EndReason::kNodeLost || reason == EndReason::kLineOverfull);
     if (state.phase == dds::Phase::kFailed && of_node &&
-        (member == members_.all().end() || !LoseClient(*member, state.text)))
+        (member == members_.all().end() ||
+         !LoseClient(*member, *reason == EndReason::kFirmwareHung, state.text)))
       ending_.Hear(*reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
                    SteadyClock::now());
   }
 }
 
-bool RealtimeConductor::LoseClient(const Member& member, const std::string& text) {
+bool RealtimeConductor::LoseClient(const Member& member, bool hung, const std::string& text) {
   const bool of_client = member.kind == NodeKind::kClient || member.kind == NodeKind::kLink;
   // A client that cannot even begin ends the flight, as the others do.
-  if (!of_client || !running_ || !MayLose(scenario_, member.client_place)) return false;
-  if (lost_clients_.insert(member.client_place).second)
-    collector_.log().Write({sim_ns_, member.client_place, record::Event{"client_lost", text}});
-  return true;
+  const std::size_t client = member.client_place;
+  if (!of_client || !running_ || !MayLose(scenario_, client)) return false;
+  if (lost_clients_.insert(client).second) {
+    collector_.log().Write(
+        {sim_ns_, client, record::Event{hung ? kClientHungEvent : kClientCrashedEvent, text}});
+    collector_.log().Write(
+        {sim_ns_, client,
+         record::ClientEnd{.loss = ClientLoss{.time_ns = sim_ns_, .hung = hung, .text = text, .end = {}}}});
+  }
+  return lost_clients_.size() < scenario_.client_count();
 }
 
 void RealtimeConductor::WatchMembers() {
@@ -386,7 +393,9 @@ void RealtimeConductor::WatchMembers() {
       case MemberChange::Kind::kLost: {
         const std::string text = fmt::format("{} (at {:.3f} s)", change.text, ToSeconds(sim_ns_));
         const Member* member = members_.FindRole(change.role);
-        if (member != nullptr && member->kind == NodeKind::kClient && LoseClient(*member, change.text)) break;
+        if (member != nullptr && member->kind == NodeKind::kClient &&
+            LoseClient(*member, change.hung, change.text))
+          break;
         Note("node_lost", text);
         End(change.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
         break;
@@ -396,7 +405,7 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const std::chrono::nanoseconds duration(scenario_.duration_ns), start_wait(StartWait(scenario_));
+  const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
     Turn();
     Inject();

@@ -133,7 +133,7 @@ class ClientsTest(unittest.TestCase):
             self.assertIn(why, done.stderr)
         for more, why in (("clients: [{id: a}, {id: a}]", "'a' is taken already"), ("clients: [{id: a-b}]", "letters, digits and '_'"),
                           (f"{TWO}\narbiter: {{type: single, client: c}}", "there is no client 'c'"),
-                          (f"{TWO}\narbiter: {{type: primary_backup}}", "valid: single"), (f"{TWO}\n{SILENT % 'x'}", "there is no client 'x'"),
+                          (f"{TWO}\narbiter: {{type: voting_of_all}}", "valid: single"), (f"{TWO}\n{SILENT % 'x'}", "there is no client 'x'"),
                           (f"{TWO}\nfaults: [{{id: f, type: actuator.loss_of_effectiveness, client: a, parameters: {{actuator: f_r, factor: 0.9}}}}]",
                            "acts on the vehicle")):
             done = self.tiltproof("check", self.scenario("wrong", more))

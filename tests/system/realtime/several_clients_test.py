@@ -63,7 +63,7 @@ class SeveralClientsTest(unittest.TestCase):
         os.kill(nodes["client-b"], signal.SIGKILL)
         flight.wait(30)
         result = self.check_flown_by_a(flight)
-        lost = flight.events("client_lost")
+        lost = flight.events("client_crashed")
         self.assertEqual([event["client"] for event in lost], ["b"])
         self.assertLess(result["metrics"]["link.b.to_plant.frames_sent_count"], 2 * 4 / 0.012)
 
@@ -78,11 +78,27 @@ class SeveralClientsTest(unittest.TestCase):
         self.assertEqual(result["verdict"], "fail")
         self.assertIn("its node client-a", result["reason"])
 
+    def test_a_backup_takes_over_from_a_client_that_dies(self):
+        path = write_hover(self.folder)
+        path.write_text(path.read_text() + "clients: [{id: a}, {id: b}]\narbiter: {type: primary_backup, timeout_ms: 60}\n"
+                        "faults: [{id: killed, type: node.kill, client: a, start_s: 2, parameters: {node: client}}]\n")
+        flight = Flight(PROGRAM, self.folder, path)
+        self.addCleanup(flight.end)
+        flight.wait(40)
+        metrics = flight.result()["metrics"]
+        self.assertEqual(metrics["survival.time_s"], 6, flight.result()["reason"])
+        self.assertLess(metrics["tracking.max_error_m"], 0.5)
+        self.assertEqual(metrics["redundancy.clients_lost_count"], 1)
+        self.assertGreaterEqual(metrics["redundancy.switches_count"], 1)
+        last = read(flight.run_folder / "hover/trace.csv").split(b"\n")
+        selected = last[0].decode().split(",").index("arbiter_selected")
+        self.assertEqual(float(last[-2].split(b",")[selected]), 1)
+
     def test_a_fault_on_a_node_means_the_node_of_its_client(self):
         flight = self.start(more="faults: [{id: killed, type: node.kill, client: b, start_s: 2, parameters: {node: client}}]\n")
         flight.wait(40)
         self.check_flown_by_a(flight)
-        self.assertEqual([event["client"] for event in flight.events("client_lost")], ["b"])
+        self.assertEqual([event["client"] for event in flight.events("client_crashed")], ["b"])
         self.assertEqual(json.loads(read(flight.run_folder / "results.json"))["scenarios"][0]["faults"][0]["activations"], 1)
 
 
