@@ -145,9 +145,6 @@ bool HasWord(std::string_view formula, std::string_view word) {
   return false;
 }
 
-constexpr std::string_view kOneClient =
-    "real time has one link node, for one client; fly several with --mode lockstep";
-
 // Reads each image once.
 class Images {
  public:
@@ -282,9 +279,6 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
       }
       FindUntold(scenario, i, clients[i], images, problems);
     }
-    if (means.realtime && scenario.has_several_clients())
-      problems.push_back(
-          {fmt::format("{}: clients: {}", scenario.file.string(), kOneClient), std::string(kOneClient)});
     if (problems.empty()) return false;
     NotApplicable other{.name = entry.scenario.name, .reason = {}, .why = problems.front().why};
     for (const Problem& problem : problems) {

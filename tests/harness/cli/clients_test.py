@@ -127,7 +127,7 @@ class ClientsTest(unittest.TestCase):
     def test_mistakes(self):
         two = self.scenario("two", TWO)
         for arguments, why in ((["--client", "c=host"], "no scenario has a client 'c'; there are: a, b"), (["--client", "a=hots"], "did you mean host"),
-                               (["--client", "a=host", "--client", "a=host"], "has one already"), (["--mode", "realtime"], "lockstep")):
+                               (["--client", "a=host", "--client", "a=host"], "has one already")):
             done = self.tiltproof("run", two, *arguments)
             self.assertEqual(done.returncode, 2, arguments)
             self.assertIn(why, done.stderr)
