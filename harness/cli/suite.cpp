@@ -158,6 +158,8 @@ std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleS
   std::vector<std::string> columns = Trace(TraceLayout(vehicle, scenario).columns).columns();
   for (std::size_t i = 0; i < scenario.client_count(); ++i)
     columns.push_back(SupervisorStateColumn(scenario, i));
+  for (std::size_t i = 0; scenario.has_several_clients() && i < scenario.client_count(); ++i)
+    columns.push_back(RoleColumn(scenario, i));
   return SignalNames(columns);
 }
 

@@ -74,6 +74,7 @@ class ProgramClient final : public CalledClient {
   std::optional<ClientStatus> AskStatus() override {
     return tells_status_ && !lost_ ? std::optional(status_) : std::nullopt;
   }
+  std::optional<std::uint32_t> AskRole() override { return lost_ ? std::nullopt : role_; }
   void TakeOutput(bool all) override { process_.TakeOutput(all); }
   void OnLine(const std::string& line) {
     if (over_) {
@@ -114,6 +115,7 @@ class ProgramClient final : public CalledClient {
         status_ = {message.supervisor_state, message.failsafe_count};
         return;
       case ProgramMessage::Kind::kRole:
+        role_ = static_cast<std::uint32_t>(message.number);
         return;
       case ProgramMessage::Kind::kLog:
         // Earlier output comes first.
@@ -155,6 +157,7 @@ class ProgramClient final : public CalledClient {
   std::vector<std::uint8_t> out_;  // of the next exchange
   bool tells_status_ = false;
   ClientStatus status_;
+  std::optional<std::uint32_t> role_;  // as told last
   bool lost_ = false;
   bool over_ = false;
   ProgramProcess process_;

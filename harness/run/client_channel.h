@@ -50,6 +50,9 @@ class ClientChannel {
   Line& line() const { return line_; }
   std::size_t index() const { return index_; }
   bool exists() const { return client_ != nullptr; }
+  // It crashed or hung, and the flight goes on without it: only Run() and what concerns its line is called from then on.
+  void Lose(const FirmwareTrouble& trouble);
+  bool is_lost() const { return loss_.has_value(); }
 
   // `make` makes the client once its host functions exist.
   void PowerOn(const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make);
@@ -108,6 +111,9 @@ class ClientChannel {
   BootTime wake_ns_;  // until when the client waits
   BootTime period_begin_ns_;
   int wakes_count_ = 0;  // since then
+
+  std::optional<ClientLoss> loss_;
+  BootTime lost_ns_;
 
   std::size_t firmware_log_bytes_ = 0;
   ReferenceTalk reference_talk_;

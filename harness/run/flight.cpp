@@ -68,18 +68,27 @@ class Conductor final : private SteeredFlight {
     steered_at_ns_ = now;
     options_.steer(*this);
   }
-  // Parts of each client, the selected client's first. A failure of one of several clients names it.
+  // Each client that is not lost, the selected one first.
   template <class Act>
   void Each(const Act& act) {
-    for (ClientChannel* channel : in_turn_) {
-      try {
-        act(*channel);
-      } catch (const FirmwareTrouble& trouble) {
-        if (!scenario_.has_several_clients()) throw;
-        throw FirmwareTrouble(trouble.hung,
-                              "client " + scenario_.client_id(channel->index()) + ": " + trouble.what(),
-                              trouble.end);
-      }
+    for (ClientChannel* channel : in_turn_) With(*channel, act);
+  }
+  // A failure of one of several clients names it. The flight goes on without it, if another one can fly the vehicle.
+  template <class Act>
+  void With(ClientChannel& channel, const Act& act) {
+    if (channel.is_lost()) return;
+    try {
+      act(channel);
+    } catch (const FirmwareTrouble& trouble) {
+      if (!scenario_.has_several_clients()) throw;
+      channel.Lose(trouble);
+      const bool is_last = std::ranges::all_of(channels_, &ClientChannel::is_lost);
+      const bool is_the_one = !scenario_.is_redundant() && channel.index() == scenario_.selected_client();
+      if (!is_last && !is_the_one) return;
+      throw FirmwareTrouble(trouble.hung,
+                            "client " + scenario_.client_id(channel.index()) + ": " + trouble.what() +
+                                (is_last ? "; no client is left" : ""),
+                            trouble.end);
     }
   }
   void Conduct();
@@ -98,6 +107,8 @@ class Conductor final : private SteeredFlight {
   void FollowAhead(const ClientChannel& channel, BootTime to);
   void ServePlantEnd(ClientChannel& channel, BootTime now);
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
+  BootTime HorizonBeforeStart(const ClientChannel& channel) const;
+  void TellRoles();
   void ForwardEvents();
   void SendReference(BootTime now);
   void SendOwn(BootTime now);
@@ -128,8 +139,12 @@ class Conductor final : private SteeredFlight {
   std::vector<std::pair<std::size_t, std::vector<std::uint8_t>>> own_messages_;  // and their clients
   BootTime next_reference_ns_ = BootTime::Never();
   std::optional<TimeNs> sampled_ns_;  // the last time
-  std::size_t moment_ = 0;            // of FlightOptions::moments, the next
-  bool departed_ = false;             // the future of the options has begun
+  struct Role {
+    std::optional<std::uint32_t> sampled, told;
+  };
+  std::vector<Role> roles_;  // of each client
+  std::size_t moment_ = 0;   // of FlightOptions::moments, the next
+  bool departed_ = false;    // the future of the options has begun
   const SteeredParts* steered_;
   TimeNs end_ns_;  // of the flight
   bool stopped_ = false;
@@ -157,6 +172,7 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
             .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }},
         steered != nullptr));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
+  roles_.resize(lines.size());
 }
 
 RunLog Conductor::Run() {
@@ -172,7 +188,7 @@ RunLog Conductor::Run() {
   } catch (const FirmwareTrouble& trouble) {
     EndBy(trouble);
   } catch (const std::exception& error) {
-    if (!in_turn_.back()->exists()) throw;
+    if (!in_turn_.back()->exists() && !in_turn_.back()->is_lost()) throw;
     End(EndReason::kHarnessError, error.what());
   }
   end_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
@@ -195,6 +211,7 @@ void Conductor::Conduct() {
     AdvancePlant(now);
     if (over()) return;
     ForwardEvents();
+    TellRoles();
     if (now == next_reference_ns_) {
       Steer(now);
       SendReference(now);
@@ -204,9 +221,13 @@ void Conductor::Conduct() {
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
     if (started() && !was_started) {
       Sample(now);
+      TellRoles();
       Each([&](ClientChannel& channel) { channel.Command(origin()); });
     }
-    Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
+    for (ClientChannel* channel : in_turn_) {
+      if (channel->is_lost()) channel->Run(now, now);
+      With(*channel, [&](ClientChannel& own) { own.Run(now, Horizon(own, now)); });
+    }
   }
 }
 
@@ -297,7 +318,7 @@ bool Conductor::EndsBefore(BootTime now) {
   }
   for (ClientChannel& channel : channels_) {
     const auto& overfull = channel.line().overfull();
-    if (!overfull) continue;
+    if (!overfull || (channel.is_lost() && !overfull->by_faults)) continue;
     End(EndReason::kLineOverfull, overfull->text);
     return true;
   }
@@ -355,10 +376,27 @@ BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
   BootTime horizon = std::min(
       {next_reference_ns_, server_.state().next_send_ns, channel.line().NextArrival(Direction::kToPlant),
        now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
-  // References begin with the selected client's `start`: before it, the others do not run ahead of that client.
-  const ClientChannel& selected = *in_turn_.front();
-  if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
+  if (!started()) horizon = std::min(horizon, std::max(HorizonBeforeStart(channel), now));
   Check(now <= horizon, "nothing that the client must know lies in its past");
+  return horizon;
+}
+
+// References begin with a `start` that makes t = 0: before it, no client runs ahead of another one that may send it. Of
+// clients that are equally far, the last in turn goes first, by less than a `start` is on its way.
+BootTime Conductor::HorizonBeforeStart(const ClientChannel& channel) const {
+  const TimeNs ahead_ns = std::max<TimeNs>(scenario_.link.main_rate().BytesTime(1), 1);
+  BootTime horizon = BootTime::Never();
+  bool is_earlier_in_turn = true;
+  for (const ClientChannel* other : in_turn_) {
+    const bool may_start = scenario_.is_redundant() || other == in_turn_.front();
+    if (other == &channel) {
+      if (may_start && !scenario_.is_redundant()) return horizon;
+      is_earlier_in_turn = false;
+    } else if (may_start && !other->is_lost() && other->Next() != BootTime::Never()) {
+      const bool goes_after = scenario_.is_redundant() && is_earlier_in_turn;
+      horizon = std::min(horizon, goes_after ? other->Next() + ahead_ns : other->Next());
+    }
+  }
   return horizon;
 }
 
@@ -403,13 +441,28 @@ void Conductor::Sample(BootTime now) {
   sampled_ns_ = time_ns;
   // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
-    ClientSample sample = channel.Sample();
+    if (channel.is_lost()) continue;
+    ClientSample sample;
+    With(channel, [&](ClientChannel& own) { sample = own.Sample(); });
+    if (scenario_.has_several_clients() && sample.role) {
+      log_.Write({time_ns, channel.index(), record::Role{*sample.role}});
+      roles_.at(channel.index()).sampled = sample.role;
+    }
     if (sample.supervisor_state)
       log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});
     if (scenario_.watch.empty()) continue;
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
     if (steered_ != nullptr) watched_ = sample.watched;
     log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
+  }
+}
+
+// Roles that have changed, once the plant has come as far as the clients: they hold from the next boundary on.
+void Conductor::TellRoles() {
+  for (std::size_t client = 0; client < roles_.size(); ++client) {
+    if (roles_[client].sampled == roles_[client].told) continue;
+    roles_[client].told = roles_[client].sampled;
+    server_.NoteRole(client, *roles_[client].told);
   }
 }
 

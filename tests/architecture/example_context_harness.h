@@ -195,6 +195,13 @@ extern std::string_view bytes;
 // harness/client/make_client.h
 extern ClientHost host;
 
+// harness/client/program_client.h
+extern ClientHost host;
+extern const ProgramHello hello;
+
+// harness/client/program_process.h
+extern const std::function<void(std::string)> on_line;
+
 // harness/client/sanitizer.h
 extern const std::string line;
 
@@ -462,8 +469,7 @@ extern const Record record;
 #include "harness/run/flight.h"
 
 // harness/run/arbiter.h
-extern std::vector<double> commanded;
-extern const struct Message { std::vector<double> actuators; } message;
+extern std::vector<double> command;
 
 // harness/client/task_delays.h
 extern Origin origin;
