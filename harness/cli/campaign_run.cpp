@@ -108,7 +108,7 @@ std::optional<FlightMeans> ConfirmingMeans(const CampaignOptions& options) {
 }
 
 // The number in a RunName().
-std::uint64_t NumberOf(const std::string& name) { return std::stoull(name.substr(RunName(0).size() - 1)); }
+std::uint64_t RunNumber(const std::string& name) { return std::stoull(name.substr(RunName(0).size() - 1)); }
 
 class CampaignWork {
  public:
@@ -283,7 +283,7 @@ class CampaignWork {
     const KeptRuns flown = KeepRuns(std::move(flights), options_);
     if (flown.interrupted) return Interrupted();
     for (const FlightResult& result : flown.results) {
-      const std::uint64_t number = NumberOf(result.name);
+      const std::uint64_t number = RunNumber(result.name);
       const std::string stored = store_.Find(number)->trace_hash;
       if (result.trace_hash == stored) continue;
       Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
@@ -333,7 +333,7 @@ class CampaignWork {
 
   // False: the flight is an error, which is flown again another time.
   bool KeepConfirmation(const std::string& client, const FlightJob& job, const FlightResult& result) {
-    const std::uint64_t number = NumberOf(job.name);
+    const std::uint64_t number = RunNumber(job.name);
     const CampaignRun row = RowOf(number, job.scenario, {}, result);
     if (result.score.verdict == Verdict::kError) {
       Tell(fmt::format("campaign: --confirm: {} is an error: {}", job.name, result.score.reason));
