@@ -95,8 +95,12 @@ class ProgramClient final : public CalledClient {
       SendExchange(what);
       for (;;) {
         const ProgramMessage message = process_.Next();
-        if (message.kind == ProgramMessage::Kind::kWaiting) return std::max<TimeNs>(message.time_ns, 0);
-        Take(message, what);
+        if (message.kind != ProgramMessage::Kind::kWaiting) {
+          Take(message, what);
+          continue;
+        }
+        process_.EndAnswer();
+        return std::max<TimeNs>(message.time_ns, 0);
       }
     });
   }

@@ -72,6 +72,8 @@ class ProgramReader {
   // The next whole message; nullopt: it has not come yet. Throws BrokenProtocol as soon as the beginning of a message is
   // none, and from then on.
   std::optional<ProgramMessage> Next();
+  // True if all that came was taken.
+  bool empty() const { return taken_ == bytes_.size(); }
   // Bytes that came, in all.
   std::uint64_t offset() const { return offset_ + bytes_.size(); }
 
