@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <nlohmann/json.hpp>
 #include <string_view>
 #include <utility>
 
-#include "firmware/ports/host/json.h"
 #include "link/time.h"
 
 namespace tiltproof::nmpc {
@@ -29,10 +29,9 @@ double Limited(double value, double limit) { return std::clamp(value, -limit, li
 }  // namespace
 
 bool NmpcLaw::ReadOptions(const char* parameters, Options& options, std::string& problem) {
-  const std::optional<firmware::Json> json =
-      parameters == nullptr ? std::nullopt : firmware::ParseJson(parameters);
-  const firmware::Json* own = json ? json->Find("firmware_parameters") : nullptr;
-  if (own == nullptr) return true;
+  const auto json = nlohmann::json::parse(parameters == nullptr ? "" : parameters, nullptr, false);
+  const auto own = json.is_object() ? json.find("firmware_parameters") : json.end();
+  if (own == json.end() || !own->is_object()) return true;
   double intervals = options.intervals, iterations = options.iterations, sweeps_max = options.sweeps_max,
          threads = options.threads;
   struct Named {
@@ -48,24 +47,24 @@ bool NmpcLaw::ReadOptions(const char* parameters, Options& options, std::string&
                                      {"tilt_max_rad", options.tilt_max_rad, 0.05, 1.4},
                                      {"thrust_max_n", options.thrust_max_n, 0, 1e3},
                                      {"compute_us", options.compute_us, 0, 1e5}}};
-  for (std::size_t i = 0; i < own->keys.size(); ++i) {
-    const auto named =
-        std::find_if(all.begin(), all.end(), [&](const Named& n) { return n.name == own->keys[i]; });
+  for (auto each = own->begin(); each != own->end(); ++each) {
+    const std::string& name = each.key();
+    const auto named = std::find_if(all.begin(), all.end(), [&](const Named& n) { return n.name == name; });
     if (named == all.end()) {
       problem = "firmware_parameters: this firmware has no ";
-      problem += own->keys[i];
+      problem += name;
       problem += "; it has";
-      for (const Named& each : all) problem.append(" ").append(each.name);
+      for (const Named& known : all) problem.append(" ").append(known.name);
       return false;
     }
-    const auto value = own->items[i].As<double>();
-    if (!value || !(*value >= named->min) || !(*value <= named->max)) {
+    const double value = each->is_number() ? each->get<double>() : NAN;
+    if (!(value >= named->min) || !(value <= named->max)) {
       problem = "firmware_parameters: out of range: ";
-      problem += own->keys[i];
+      problem += name;
       problem += " is a number from " + std::to_string(named->min) + " to " + std::to_string(named->max);
       return false;
     }
-    named->value = *value;
+    named->value = value;
   }
   options.intervals = static_cast<int>(intervals);
   options.iterations = static_cast<int>(iterations);

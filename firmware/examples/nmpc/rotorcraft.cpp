@@ -1,118 +1,93 @@
 #include "firmware/examples/nmpc/rotorcraft.h"
 
 #include <array>
-#include <cmath>
 #include <cstddef>
-#include <span>
-#include <string_view>
-
-#include "firmware/ports/host/json.h"
+#include <nlohmann/json.hpp>
 
 namespace tiltproof::nmpc {
 namespace {
 
-using firmware::Json;
+using Json = nlohmann::json;
 
-bool ReadNumbers(const Json& parent, std::string_view key, std::span<double> into) {
-  const Json* list = parent.Find(key);
-  if (list == nullptr || list->items.size() != into.size()) return false;
-  for (std::size_t i = 0; i < into.size(); ++i) {
-    const auto value = list->items[i].As<double>();
-    if (!value || !std::isfinite(*value)) return false;
-    into[i] = *value;
+// Each of these throws Json::exception for what is missing or has another type.
+
+Eigen::Vector3d VectorAt(const Json& parent, const char* key) {
+  const auto numbers = parent.at(key).get<std::array<double, 3>>();
+  return {numbers[0], numbers[1], numbers[2]};
+}
+
+Body ReadBody(const Json& json) {
+  Body body = {.mass_kg = json.at("mass_kg").get<double>(), .p_com_m = VectorAt(json, "com_m")};
+  const auto [xx, yy, zz, xy, xz, yz] = json.at("inertia_kg_m2").get<std::array<double, 6>>();
+  body.inertia_kg_m2 << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+  return body;
+}
+
+TiltHinge ReadHinge(const Json& json) {
+  return {.body = ReadBody(json.at("body")),
+          .p_hinge_m = VectorAt(json, "point_m"),
+          .axis = VectorAt(json, "axis"),
+          .angle_min_rad = json.at("angle_min_rad").get<double>(),
+          .angle_max_rad = json.at("angle_max_rad").get<double>()};
+}
+
+Propeller ReadRotor(const Json& json) {
+  const Json& hinge = json.at("hinge");
+  return {.hinge = hinge.is_null() ? -1 : hinge.get<int>(),
+          .p_rotor_m = VectorAt(json, "point_m"),
+          .axis = VectorAt(json, "axis"),
+          .drag_ratio_m = json.at("drag_ratio_m").get<double>()};
+}
+
+Rotorcraft ReadAll(const Json& json) {
+  Rotorcraft vehicle;
+  vehicle.period_s = json.at("control_period_s").get<double>();
+  const Json& geometry = json.at("geometry");
+  vehicle.base = ReadBody(geometry.at("base"));
+  for (const Json& hinge : geometry.at("hinges")) vehicle.hinges.push_back(ReadHinge(hinge));
+  for (const Json& rotor : geometry.at("rotors")) vehicle.rotors.push_back(ReadRotor(rotor));
+  for (const Json& input : json.at("inputs")) {
+    vehicle.input_min.push_back(input.at("min").get<double>());
+    vehicle.input_max.push_back(input.at("max").get<double>());
+    vehicle.input_hover.push_back(input.at("hover").get<double>());
   }
-  return true;
-}
-bool ReadVector(const Json& parent, std::string_view key, Eigen::Vector3d& to) {
-  return ReadNumbers(parent, key, {to.data(), 3});
-}
-
-bool ReadBody(const Json* json, Body& body) {
-  std::array<double, 6> inertia{};  // xx yy zz xy xz yz
-  const auto mass = json == nullptr ? std::nullopt : json->NumberAt<double>("mass_kg");
-  if (!mass || !ReadVector(*json, "com_m", body.p_com_m) || !ReadNumbers(*json, "inertia_kg_m2", inertia))
-    return false;
-  body.mass_kg = *mass;
-  body.inertia_kg_m2 << inertia[0], inertia[3], inertia[4], inertia[3], inertia[1], inertia[5], inertia[4],
-      inertia[5], inertia[2];
-  return true;
+  const Json& states = json.at("states");
+  vehicle.roll_hover_rad = states.at(3).at("hover").get<double>();
+  vehicle.pitch_hover_rad = states.at(4).at("hover").get<double>();
+  for (std::size_t i = 0; i < vehicle.hinges.size(); ++i)
+    vehicle.hinge_hover_rad.push_back(states.at(6 + i).at("hover").get<double>());
+  return vehicle;
 }
 
-bool ReadHinge(const Json& json, TiltHinge& hinge) {
-  const auto min = json.NumberAt<double>("angle_min_rad"), max = json.NumberAt<double>("angle_max_rad");
-  if (!min || !max || !(*min < *max)) return false;
-  hinge.angle_min_rad = *min;
-  hinge.angle_max_rad = *max;
-  return ReadBody(json.Find("body"), hinge.body) && ReadVector(json, "point_m", hinge.p_hinge_m) &&
-         ReadVector(json, "axis", hinge.axis);
-}
-
-bool ReadRotor(const Json& json, std::size_t hinge_count, Propeller& rotor) {
-  const auto hinge = json.NumberAt<int>("hinge");
-  const auto drag_ratio_m = json.NumberAt<double>("drag_ratio_m");
-  rotor.hinge = hinge.value_or(-1);
-  if (!drag_ratio_m || rotor.hinge < -1 || rotor.hinge >= static_cast<int>(hinge_count)) return false;
-  rotor.drag_ratio_m = *drag_ratio_m;
-  return ReadVector(json, "point_m", rotor.p_rotor_m) && ReadVector(json, "axis", rotor.axis);
-}
-
-bool ReadGeometry(const Json& geometry, Rotorcraft& vehicle) {
-  const Json *hinges = geometry.Find("hinges"), *rotors = geometry.Find("rotors");
-  if (hinges == nullptr || rotors == nullptr || !ReadBody(geometry.Find("base"), vehicle.base)) return false;
-  for (const Json& json : hinges->items)
-    if (!ReadHinge(json, vehicle.hinges.emplace_back())) return false;
-  for (const Json& json : rotors->items)
-    if (!ReadRotor(json, vehicle.hinges.size(), vehicle.rotors.emplace_back())) return false;
-  return true;
-}
-
-bool ReadInputs(const Json& inputs, Rotorcraft& vehicle) {
-  for (const Json& input : inputs.items) {
-    const auto min = input.NumberAt<double>("min"), max = input.NumberAt<double>("max"),
-               hover = input.NumberAt<double>("hover");
-    if (!min || !max || !hover || !(*min < *max)) return false;
-    vehicle.input_min.push_back(*min);
-    vehicle.input_max.push_back(*max);
-    vehicle.input_hover.push_back(*hover);
-  }
-  return inputs.items.size() == vehicle.rotors.size() + vehicle.hinges.size();
-}
-
-bool ReadHover(const Json& states, Rotorcraft& vehicle) {
-  std::vector<double> hover;
-  for (const Json& state : states.items) hover.push_back(state.NumberAt<double>("hover").value_or(0));
-  if (hover.size() != 12 + 2 * vehicle.hinges.size()) return false;
-  vehicle.roll_hover_rad = hover[3];
-  vehicle.pitch_hover_rad = hover[4];
-  vehicle.hinge_hover_rad.assign(hover.begin() + 6,
-                                 hover.begin() + 6 + static_cast<long>(vehicle.hinges.size()));
-  return true;
+bool IsSound(const Rotorcraft& vehicle) {
+  bool is_sound =
+      vehicle.period_s > 0 && vehicle.input_hover.size() == vehicle.rotors.size() + vehicle.hinges.size();
+  for (const Propeller& rotor : vehicle.rotors)
+    is_sound = is_sound && rotor.hinge >= -1 && rotor.hinge < static_cast<int>(vehicle.hinges.size());
+  for (const TiltHinge& hinge : vehicle.hinges)
+    is_sound = is_sound && hinge.angle_min_rad < hinge.angle_max_rad;
+  for (std::size_t i = 0; i < vehicle.input_hover.size(); ++i)
+    is_sound = is_sound && vehicle.input_min[i] < vehicle.input_max[i];
+  return is_sound;
 }
 
 }  // namespace
 
 std::optional<Rotorcraft> ReadRotorcraft(const char* parameters, std::string& problem) {
-  const std::optional<Json> json = parameters == nullptr ? std::nullopt : firmware::ParseJson(parameters);
-  const auto find = [&](std::string_view key) { return json ? json->Find(key) : nullptr; };
-  const Json *geometry = find("geometry"), *inputs = find("inputs"), *states = find("states");
-  const auto period_s = json ? json->NumberAt<double>("control_period_s") : std::nullopt;
-  if (geometry == nullptr || inputs == nullptr || states == nullptr || !period_s || !(*period_s > 0)) {
-    problem = "the parameters have no geometry of the vehicle";
-    return std::nullopt;
-  }
-  if (const Json* hinges = geometry->Find("hinges"))
-    for (const Json& hinge : hinges->items)
-      if (hinge.TextAt("servo") != "torque") {
+  try {
+    const Json json = Json::parse(parameters == nullptr ? "" : parameters);
+    for (const Json& hinge : json.at("geometry").at("hinges"))
+      if (hinge.at("servo") != "torque") {
         problem = "the vehicle has a position servo; this firmware commands torques only";
         return std::nullopt;
       }
-  Rotorcraft vehicle;
-  vehicle.period_s = *period_s;
-  if (!ReadGeometry(*geometry, vehicle) || !ReadInputs(*inputs, vehicle) || !ReadHover(*states, vehicle)) {
-    problem = "the geometry, the inputs or the states of the vehicle are incomplete";
-    return std::nullopt;
+    const Rotorcraft vehicle = ReadAll(json);
+    if (IsSound(vehicle)) return vehicle;
+    problem = "the parameters describe no vehicle";
+  } catch (const Json::exception& error) {
+    problem = std::string("the parameters describe no vehicle: ") + error.what();
   }
-  return vehicle;
+  return std::nullopt;
 }
 
 }  // namespace tiltproof::nmpc
