@@ -140,6 +140,7 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
   if (computing_ && turn.now >= ready_ns_) {
     planner_->Adopt();
     computing_ = false;
+    has_plan_ = true;
   }
 
   TimeNs leaves = turn.now;
@@ -152,7 +153,6 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
       for (PathPoint& point : path) point.p_m -= (1 - kWay_m / length_m) * way;
     last_work_ns_ = WorkTime(planner_->Plan(start, disturbance_, effect_s, path));
     const TimeNs ready = last_work_ns_ > 0 ? compute_(turn.now, last_work_ns_, turn.deadline) : turn.now;
-    // There is nothing to shift before the first plan: the vehicle waits for it with hover's input.
     if (ready <= turn.deadline) {
       planner_->Adopt();
       leaves = ready;
@@ -162,8 +162,8 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
       ready_ns_ = ready;
     }
   }
-  has_plan_ = has_plan_ || !computing_;
   const double effect_s = ToSeconds(leaves) + kTransport_s;
+  // There is nothing to shift before the first plan: the vehicle waits for it with hover's input.
   const Row input = has_plan_ ? planner_->InputAt(effect_s) : vehicle_.input_hover;
   for (std::size_t i = 0; i < command.size(); ++i)
     command[i] = static_cast<float>(std::clamp(input[i], vehicle_.input_min[i], vehicle_.input_max[i]));
