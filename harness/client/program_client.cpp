@@ -33,6 +33,7 @@ class ProgramClient final : public CalledClient {
             fmt::format("program:{} speaks version {} of docs/program.md, this tiltproof version {}",
                         spec.command, answer.version, TILTPROOF_PROGRAM_VERSION));
       tells_status_ = answer.tells_status;
+      if (answer.tells_role) role_ = 0;
     });
   }
 
@@ -94,8 +95,12 @@ class ProgramClient final : public CalledClient {
       SendExchange(what);
       for (;;) {
         const ProgramMessage message = process_.Next();
-        if (message.kind == ProgramMessage::Kind::kWaiting) return std::max<TimeNs>(message.time_ns, 0);
-        Take(message, what);
+        if (message.kind != ProgramMessage::Kind::kWaiting) {
+          Take(message, what);
+          continue;
+        }
+        process_.EndAnswer();
+        return std::max<TimeNs>(message.time_ns, 0);
       }
     });
   }
@@ -115,7 +120,7 @@ class ProgramClient final : public CalledClient {
         status_ = {message.supervisor_state, message.failsafe_count};
         return;
       case ProgramMessage::Kind::kRole:
-        role_ = static_cast<std::uint32_t>(message.number);
+        if (role_) role_ = static_cast<std::uint32_t>(message.number);
         return;
       case ProgramMessage::Kind::kLog:
         // Earlier output comes first.
@@ -157,7 +162,7 @@ class ProgramClient final : public CalledClient {
   std::vector<std::uint8_t> out_;  // of the next exchange
   bool tells_status_ = false;
   ClientStatus status_;
-  std::optional<std::uint32_t> role_;  // as told last
+  std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none
   bool lost_ = false;
   bool over_ = false;
   ProgramProcess process_;
