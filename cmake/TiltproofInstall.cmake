@@ -1,7 +1,7 @@
 # Contents of `cmake --install` and the Debian package. The program finds everything from its own place (harness/client/
 # firmware_files.h), so a prefix may be anywhere, and may be moved:
 #   bin/tiltproof                 the program
-#   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the images for the STM32F4
+#   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the virtual clock, the images for the STM32F4
 #   lib, include/tiltproof        the codec and the firmware for find_package(tiltproof)
 #   share/tiltproof               models, scenarios, examples, the interface of the bus
 #   share/doc, man, completions   what is to be read
@@ -11,6 +11,9 @@ set(share share/tiltproof)
 
 install(TARGETS tiltproof RUNTIME DESTINATION bin)
 install(TARGETS tiltproof_firmware tiltproof_lockstep minimal_firmware LIBRARY DESTINATION lib/tiltproof)
+if(TARGET tiltproof_clock)
+  install(TARGETS tiltproof_clock LIBRARY DESTINATION lib/tiltproof)
+endif()
 if(TARGET stm32f4_images)
   # The image `budgets`, and those in `planted` and `framed`, serve tests.
   install(DIRECTORY ${TILTPROOF_STM32F4_DIR}/ DESTINATION lib/tiltproof/stm32f4
