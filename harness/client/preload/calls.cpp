@@ -231,6 +231,13 @@ long Open(const Call& call, const char* path, int flags) {
   return port != -1 ? port : Pass(call);
 }
 
+// Looks at a path, which is argument `word`: a port is as much a device as /dev/null is.
+long LookAt(const Call& call, int word) {
+  Call seen = call;
+  if (IsPortPath(As<const char>(call.a[word]))) seen.a[word] = AsWord("/dev/null");
+  return Pass(seen);
+}
+
 long Copy(const Call& call) {
   const long copy = Pass(call);
   NoteCopy(call.a[0], copy);
@@ -495,6 +502,17 @@ long OnDescriptor(const Call& call) {
       return Open(call, As<const char>(a[0]), static_cast<int>(a[1]));
     case SYS_openat:
       return Open(call, As<const char>(a[1]), static_cast<int>(a[2]));
+    case SYS_stat:
+    case SYS_lstat:
+    case SYS_access:
+    case SYS_readlink:
+      return LookAt(call, 0);
+    case SYS_newfstatat:
+    case SYS_statx:
+    case SYS_faccessat:
+    case SYS_faccessat2:
+    case SYS_readlinkat:
+      return LookAt(call, 1);
     case SYS_close:
       return Close(call);
     case SYS_close_range:

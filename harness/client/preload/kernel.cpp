@@ -127,6 +127,15 @@ constexpr int kTrapped[] = {
     SYS_io_getevents,
     SYS_io_pgetevents,
     SYS_close_range,
+    SYS_stat,
+    SYS_lstat,
+    SYS_newfstatat,
+    SYS_statx,
+    SYS_access,
+    SYS_faccessat,
+    SYS_faccessat2,
+    SYS_readlink,
+    SYS_readlinkat,
 };
 
 constexpr sock_filter Load(std::size_t offset) {

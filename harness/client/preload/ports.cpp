@@ -30,8 +30,8 @@ struct Port {
   termios settings;
   std::int64_t sent_ns;  // when the last stop bit leaves
 };
-Port ports[kUartsMax];
-int port_count = 0;
+constexpr int kPorts = 2;
+Port ports[kPorts];
 signed char uart_of[kDescriptorsMax];  // 1 + UART
 
 long InputCount(const Port& port) {
@@ -39,17 +39,14 @@ long InputCount(const Port& port) {
   return Kernel(SYS_ioctl, port.program_end, FIONREAD, &count) < 0 ? 0 : count;
 }
 
-const char* MakePort(Port& port, const char* path, std::size_t size) {
-  if (size == 0 || size >= sizeof port.path) return "the path of a port is too long";
-  std::memcpy(port.path, path, size);
+const char* MakePort(Port& port, const char* path) {
+  if (std::strlen(path) >= sizeof port.path) return "the path of a port is too long";
+  std::strcpy(port.path, path);
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
     return "there are no descriptors for ports";
   port.program_end = AboveOthers(ends[0]);
   port.own_end = AboveOthers(ends[1]);
-  const int file = open(port.path, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
-  if (file < 0 || port.program_end < 0 || port.own_end < 0) return "the file of a port cannot be made";
-  close(file);
   // Raw, as a serial port that a program of another kind has used before.
   port.settings.c_cflag = B115200 | CS8 | CREAD | CLOCAL;
   port.settings.c_cc[VMIN] = 1;
@@ -75,21 +72,19 @@ bool HasInput(void* raw) {
 
 }  // namespace
 
-const char* MakePorts(const char* paths) {
-  while (*paths != '\0') {
-    const char* end = std::strchr(paths, ':');
-    if (end == nullptr) end = paths + std::strlen(paths);
-    if (port_count == kUartsMax) return "there are too many ports";
-    if (const char* trouble = MakePort(ports[port_count], paths, static_cast<std::size_t>(end - paths)))
-      return trouble;
-    ++port_count;
-    paths = *end == ':' ? end + 1 : end;
-  }
-  return nullptr;
+const char* MakePorts(const char* path, const char* reference_path) {
+  const char* const trouble = MakePort(ports[0], path);
+  return trouble != nullptr ? trouble : MakePort(ports[1], reference_path);
+}
+
+bool IsPortPath(const char* path) {
+  for (const Port& port : ports)
+    if (path != nullptr && std::strcmp(path, port.path) == 0) return true;
+  return false;
 }
 
 void TakeBytes(int uart, const unsigned char* bytes, std::size_t count) {
-  if (uart >= port_count) return;
+  if (uart >= kPorts) return;
   const Port& port = ports[uart];
   if (port.open_count == 0) return;
   const long room = kInputMax - InputCount(port);
@@ -103,7 +98,7 @@ int PortOf(long descriptor) {
 }
 
 long OpenPort(const char* path, int flags) {
-  for (int uart = 0; uart < port_count; ++uart) {
+  for (int uart = 0; uart < kPorts; ++uart) {
     Port& port = ports[uart];
     if (std::strcmp(path, port.path) != 0) continue;
     const int close_on_exec = (flags & O_CLOEXEC) != 0 ? F_DUPFD_CLOEXEC : F_DUPFD;

@@ -13,13 +13,15 @@
 
 namespace tiltproof::preload {
 
-// `paths`: one for each UART, with ':' between them. Makes an empty file at each. Returns null, or what went wrong.
-const char* MakePorts(const char* paths);
+// The path of each UART's port, which need not exist. Returns null, or what went wrong.
+const char* MakePorts(const char* path, const char* reference_path);
 // Bytes that have arrived. Those for a port that nobody has open are lost, as are those that find it full.
 void TakeBytes(int uart, const unsigned char* bytes, std::size_t count);
 
 // The UART behind a descriptor; -1: it is no port.
 int PortOf(long descriptor);
+// True: the path is that of a port.
+bool IsPortPath(const char* path);
 // Opens the port if the path is one; -1: it is none.
 long OpenPort(const char* path, int flags);
 // The program has a copy of a descriptor, or has closed it.

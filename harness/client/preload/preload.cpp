@@ -1,7 +1,7 @@
 // The virtual clock of `--client 'clocked:CMD'`: a library that the dynamic linker loads before the program's own code (LD_PRELOAD).
 //
-//   TILTPROOF_SOCKET            the harness's socket (docs/program.md)
-//   TILTPROOF_CLOCKED_PORTS     paths of the serial ports, ':' between them
+//   TILTPROOF_SOCKET                           the harness's socket (docs/program.md)
+//   TILTPROOF_PORT, TILTPROOF_REFERENCE_PORT   paths of the serial ports, which exist for this program only
 //
 // Without these variables it does nothing. It traps the program's system calls (seccomp) and answers those that wait or tell
 // the time, so that a program needs no change, and none of the C library's functions needs to be known.
@@ -41,15 +41,16 @@ void RefuseIf(const char* trouble) {
 
 __attribute__((constructor)) void Begin() {
   const char* const socket = std::getenv("TILTPROOF_SOCKET");
-  const char* const paths = std::getenv("TILTPROOF_CLOCKED_PORTS");
-  if (socket == nullptr || paths == nullptr) return;
+  const char* const port = std::getenv("TILTPROOF_PORT");
+  const char* const reference_port = std::getenv("TILTPROOF_REFERENCE_PORT");
+  if (socket == nullptr || *socket == 0 || port == nullptr || reference_port == nullptr) return;
   if (IsLauncher()) {
     // The same addresses in each flight: a program may sort by them. Holds from the next exec on.
     personality(static_cast<unsigned long>(personality(0xffffffff)) | ADDR_NO_RANDOMIZE);
     return;
   }
   RefuseIf(Connect(socket));
-  RefuseIf(MakePorts(paths));
+  RefuseIf(MakePorts(port, reference_port));
   // A flight ends at once, and a line that the program has printed is kept.
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   BeginThreads({TakeBytes, ExpireTimers, NextTimer}, FirstGrant(TakeBytes));

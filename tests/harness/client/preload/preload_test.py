@@ -32,7 +32,7 @@ EXPECTED = {
               ("poll_input", 1, 100000), ("read", 1, 100000), ("select_input", 1, 110000), ("left", 990000, 110000),
               ("read", 2, 110000), ("epoll_input", 1, 120000), ("data", 7, 120000)],
     # VMIN 4 waits for the second group; VTIME 0.2 s ends 200 ms after the call; 100 characters take 100 * 10 / 115200 s.
-    "ports": [("isatty", 1, 0), ("tcsetattr", 0, 0), ("speed", 1, 0), ("read4", 5, 20000), ("third", ord("C"), 20000),
+    "ports": [("exists", 0, 0), ("is_device", 1, 0), ("real_path", 0, 0), ("isatty", 1, 0), ("tcsetattr", 0, 0), ("speed", 1, 0), ("read4", 5, 20000), ("third", ord("C"), 20000),
               ("read1", 1, 30000), ("time_out", 0, 230000), ("poll_mode", 0, 230000), ("nonblocking", -1, 230000),
               ("errno", 1, 230000), ("written", 100, 230000), ("queued", 100, 230000), ("tcdrain", 0, 238680),
               ("waiting", 2, 500000), ("flushed", 0, 500000), ("copy", 1, 510000), ("byte", ord("G"), 510000),
@@ -133,7 +133,7 @@ class Refusals(unittest.TestCase):
 
 class Outside(unittest.TestCase):
     def test_without_a_flight_the_library_does_nothing(self):
-        flight = Flight(CLOCK, [PROGRAM, "exit", "1", "2"], environment={"TILTPROOF_CLOCKED_PORTS": "", "TILTPROOF_SOCKET": ""}, wall_s=5)
+        flight = Flight(CLOCK, [PROGRAM, "exit", "1", "2"], environment={"TILTPROOF_SOCKET": ""}, wall_s=5)
         self.assertEqual(flight.exchanges, 0)
 
     def test_a_wait_without_a_deadline_is_never(self):

@@ -31,12 +31,12 @@ class Flight:
         self.inputs, self.until_ns, self.baud, self.start_ns = sorted(inputs), until_ns, baud, start_ns
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "s")
-            ports = [os.path.join(folder, "port0"), os.path.join(folder, "port1")]
+            ports = ["/dev/tiltproof0", "/dev/tiltproof1"]
             listener = socket.socket(socket.AF_UNIX)
             listener.bind(path)
             listener.listen(1)
             listener.settimeout(wall_s)
-            own = dict(os.environ, TILTPROOF_SOCKET=path, TILTPROOF_CLOCKED_PORTS=":".join(ports), LD_PRELOAD=str(pathlib.Path(clock).absolute()))
+            own = dict(os.environ, TILTPROOF_SOCKET=path, TILTPROOF_PORT=ports[0], TILTPROOF_REFERENCE_PORT=ports[1], LD_PRELOAD=str(pathlib.Path(clock).absolute()))
             own.update(environment or {})
             words = [word.format(port=ports[0], reference_port=ports[1]) for word in command]
             with tempfile.TemporaryFile() as output:

@@ -18,6 +18,7 @@
 #include <sys/ioctl.h>
 #include <sys/random.h>
 #include <sys/select.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <sys/timerfd.h>
@@ -142,6 +143,13 @@ static void ports(void) {
   struct termios settings;
   char bytes[32];
   int count = 0;
+  struct stat status = {0};
+  say("exists", access(port_path, R_OK | W_OK));
+  stat(port_path, &status);
+  say("is_device", S_ISCHR(status.st_mode));
+  char* path = realpath(port_path, NULL);
+  say("real_path", strcmp(path, port_path));
+  free(path);
   const int port = open_port(0);
   say("isatty", isatty(port));
   tcgetattr(port, &settings);
