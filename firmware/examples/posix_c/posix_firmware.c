@@ -2,8 +2,8 @@
  * nothing of tiltproof's harness. The controller is that of ../minimal_c/minimal_firmware.c, behind its functions.
  *
  *   gcc -O2 -ffp-contract=off -I ../../.. posix_firmware.c ../minimal_c/minimal_firmware.c -o posix_firmware
- *   tiltproof run scenarios/paper/paper-hover.yaml --client 'clocked:./posix_firmware {port} {reference_port}'
- *   tiltproof run scenarios/paper/paper-hover.yaml --mode realtime --client 'process:./posix_firmware {port} {reference_port}'
+ *   tiltproof run scenarios/paper/paper-hover.yaml --client 'clocked:./posix_firmware {port} {reference_port} {baud}'
+ *   tiltproof run scenarios/paper/paper-hover.yaml --mode realtime --client 'process:./posix_firmware {port} {reference_port} {baud}'
  */
 #define _DEFAULT_SOURCE
 #define _GNU_SOURCE
@@ -19,9 +19,10 @@
 
 #include "firmware/tiltproof_client.h"
 
-enum { kBaud = 115200, kBitsOfCharacter = 10 };
+enum { kBitsOfCharacter = 10 };
 
 static int ports[2];
+static long baud;
 static int64_t power_on_ns = 0;
 
 static int64_t Now(void) {
@@ -38,7 +39,7 @@ static int OpenPort(const char* path) {
     exit(1);
   }
   cfmakeraw(&settings);
-  cfsetspeed(&settings, B115200);
+  cfsetspeed(&settings, baud == 921600 ? B921600 : baud == 460800 ? B460800 : B115200);
   tcsetattr(port, TCSANOW, &settings);
   return port;
 }
@@ -47,14 +48,15 @@ static int OpenPort(const char* path) {
 static int64_t Transmit(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count) {
   (void)context;
   if (write(ports[uart], bytes, count) != (ssize_t)count) exit(1);
-  return now_ns + (int64_t)count * kBitsOfCharacter * 1000000000 / kBaud;
+  return now_ns + (int64_t)count * kBitsOfCharacter * 1000000000 / baud;
 }
 
 int main(int count, char** words) {
-  if (count != 3) {
-    fprintf(stderr, "usage: posix_firmware PORT REFERENCE_PORT\n");
+  if (count != 4) {
+    fprintf(stderr, "usage: posix_firmware PORT REFERENCE_PORT BAUD\n");
     return 2;
   }
+  baud = atol(words[3]);
   for (int uart = 0; uart < 2; ++uart) ports[uart] = OpenPort(words[1 + uart]);
   power_on_ns = Now();
   const TiltproofHost host = {.abi_version = TILTPROOF_CLIENT_ABI_VERSION,

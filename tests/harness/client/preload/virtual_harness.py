@@ -38,7 +38,7 @@ class Flight:
             listener.settimeout(wall_s)
             own = dict(os.environ, TILTPROOF_SOCKET=path, TILTPROOF_PORT=ports[0], TILTPROOF_REFERENCE_PORT=ports[1], LD_PRELOAD=str(pathlib.Path(clock).absolute()))
             own.update(environment or {})
-            words = [word.format(port=ports[0], reference_port=ports[1]) for word in command]
+            words = [word.format(port=ports[0], reference_port=ports[1], baud=baud) for word in command]
             with tempfile.TemporaryFile() as output:
                 self.process = subprocess.Popen(["sh", "-c", 'exec "$@"', "sh", *words] if shell else words, env=own, stdout=output, stderr=subprocess.STDOUT,
                                                 stdin=subprocess.DEVNULL)
