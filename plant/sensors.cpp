@@ -84,6 +84,15 @@ SignalTable SensorSignals(std::span<const Sensor> sensors) {
   return SignalTable(std::move(signals));
 }
 
+bool HasNoise(std::span<const Sensor> sensors) {
+  const auto is_noisy = [](const SensorNoise& noise) {
+    return noise.mean != 0 || noise.stddev != 0 || noise.bias_mean != 0 || noise.bias_stddev != 0 ||
+           noise.walk_density != 0;
+  };
+  return std::ranges::any_of(
+      sensors, [&](const Sensor& sensor) { return std::ranges::any_of(sensor.noise, is_noisy); });
+}
+
 std::size_t SignalCount(SensorKind kind) { return PartsOf(kind).size(); }
 
 SensorSuite::SensorSuite(const std::vector<Sensor>& sensors, const Options& options, SensorDraws draws)

@@ -62,6 +62,9 @@ struct Sensor {
 // them: acc_x_m_s2, acc_imu2_x_m_s2. Characters of its name that no signal can have become '_'.
 SignalTable SensorSignals(std::span<const Sensor> sensors);
 
+// True if a reading of one of them is not what it measures, apart from steps of its quantum.
+bool HasNoise(std::span<const Sensor> sensors);
+
 // Number of signals of a sensor of that kind.
 std::size_t SignalCount(SensorKind kind);
 

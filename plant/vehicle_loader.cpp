@@ -74,6 +74,7 @@ class Loader {
   void Lump(VehicleModel& vehicle);
   void WarnLumped();
   void WarnWithoutDrag();
+  void WarnExchanged(const VehicleModel& vehicle);
   // The place of the hinge among the vehicle's, to which it is added if need be.
   std::size_t HingeOf(const TreeJoint& hinge, VehicleModel& vehicle) const;
   Hinge ReadHinge(const TreeJoint& tree_joint) const;
@@ -125,6 +126,7 @@ VehicleModel Loader::Load() {
   vehicle.base = ReadBody(elements_.base_link);
   for (const RotorElement& element : elements_.rotors) AddRotor(element, vehicle);
   Lump(vehicle);
+  WarnExchanged(vehicle);
   NameHinges(vehicle);
   CheckNames(vehicle);
   vehicle.shapes = ReadShapes(vehicle);
@@ -254,6 +256,21 @@ void Loader::CheckInertia(const RigidBody& body, bool is_whole) {
   } else {
     warnings_.push_back(fmt::format("{}:{}: {}", place.file.string(), place.line, message));
   }
+}
+
+// The firmware for two rotors rolls the wrong way with a left rotor that is called right.
+void Loader::WarnExchanged(const VehicleModel& vehicle) {
+  const std::vector<Rotor>& rotors = vehicle.rotors;
+  if (rotors.size() != 2 || rotors[0].name != "right") return;
+  const auto y_m = [&](const Rotor& rotor) {
+    if (!rotor.hinge) return rotor.p_LR_m.y();
+    const Hinge& hinge = vehicle.hinges[*rotor.hinge];
+    return (hinge.p_BT_m + hinge.R_BT * rotor.p_LR_m).y();
+  };
+  if (y_m(rotors[0]) <= y_m(rotors[1])) return;
+  warnings_.push_back(fmt::format(
+      "{}:{}: rotor 'right' is at y = {:.3g} m, to the left of rotor 'left' at {:.3g} m: exchange the names",
+      elements_.rotors[0].file.string(), elements_.rotors[0].line, y_m(rotors[0]), y_m(rotors[1])));
 }
 
 Pose3d Loader::PoseIn(const std::string& link, const sdf::SemanticPose& pose, const std::string& what,

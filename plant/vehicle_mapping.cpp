@@ -3,8 +3,12 @@
 #include <fmt/core.h>
 
 #include <algorithm>
+#include <map>
+#include <sdf/Model.hh>
+#include <sdf/Root.hh>
 #include <vector>
 
+#include "plant/sdf_file.h"
 #include "plant/vehicle_xml.h"
 
 namespace tiltproof::plant {
@@ -16,12 +20,22 @@ struct Connection {
   double y_m = 0;  // of the child
 };
 
-double YOf(const SdfFiles& files, const std::string& link) {
-  const SdfPart* part = files.Link(link);
-  const std::vector<std::string> pose = part == nullptr
-                                            ? std::vector<std::string>()
-                                            : Words(TrimmedText(part->element->FirstChildElement("pose")));
-  return pose.size() < 2 ? 0 : ParseNumber(pose[1]).value_or(0);
+// The links' places across the vehicle, in the frame of its first link and with all joints at 0. Empty when the file
+// does not tell.
+std::map<std::string, double> PlacesAcross(const SdfFiles& files) {
+  std::map<std::string, double> y_m;
+  sdf::Root root;
+  std::vector<VehicleProblem> problems;
+  LoadSdf(files, {}, root, problems);
+  const sdf::Model* model = root.Model();
+  if (model == nullptr) return y_m;
+  const std::string base = InnerName(files.CanonicalLink(files.models().front()));
+  for (const SdfPart& part : files.links()) {
+    const sdf::Link* link = model->LinkByName(InnerName(part.name));
+    ignition::math::Pose3d pose;
+    if (link != nullptr && link->SemanticPose().Resolve(pose, base).empty()) y_m[part.name] = pose.Pos().Y();
+  }
+  return y_m;
 }
 
 // A link's name, if there is such a link.
@@ -29,8 +43,11 @@ std::string LinkOr(const SdfFiles& files, const std::string& name) {
   return files.Link(name) == nullptr ? "LINK" : name;
 }
 
+bool RightFirst(const Connection& a, const Connection& b) { return a.y_m < b.y_m; }
+
 // All joints; of two, the right one first, if the links' poses tell. Placeholders where there is none.
 std::vector<Connection> Connections(const SdfFiles& files, const VehicleTree& tree) {
+  std::map<std::string, double> y_m = PlacesAcross(files);
   std::vector<Connection> connections;
   for (const TreeJoint& joint : tree.joints()) {
     const bool turns = joint.type == "revolute" || joint.type == "continuous";
@@ -40,17 +57,27 @@ std::vector<Connection> Connections(const SdfFiles& files, const VehicleTree& tr
          .child = LinkOr(files, joint.child),
          .is_hinge = joint.type != "fixed" && !(joint.lower_rad && joint.lower_rad == joint.upper_rad),
          .spins = turns && !(joint.lower_rad && joint.upper_rad && *joint.upper_rad - *joint.lower_rad < 6.4),
-         .y_m = YOf(files, joint.child)});
+         .y_m = y_m[joint.child]});
   }
   if (connections.empty()) connections.resize(2, {"JOINT", "LINK", "LINK", true, false, 0});
-  if (connections.size() == 2 && connections[0].y_m > connections[1].y_m)
-    std::swap(connections[0], connections[1]);
+  if (connections.size() == 2) std::stable_sort(connections.begin(), connections.end(), RightFirst);
   return connections;
 }
 
-bool CarriesAnother(const std::vector<Connection>& connections, const std::string& link) {
-  return std::any_of(connections.begin(), connections.end(),
-                     [&](const Connection& other) { return other.parent == link && other.child != link; });
+// The joints whose links may be rotors: those that spin, or else the ends of the tree.
+std::vector<Connection> RotorJoints(const std::vector<Connection>& connections) {
+  const bool any_spins = std::any_of(connections.begin(), connections.end(),
+                                     [](const Connection& connection) { return connection.spins; });
+  std::vector<Connection> rotors;
+  for (const Connection& connection : connections) {
+    const bool carries_another =
+        std::any_of(connections.begin(), connections.end(), [&](const Connection& other) {
+          return other.parent == connection.child && other.child != connection.child;
+        });
+    if (any_spins ? connection.spins : !carries_another) rotors.push_back(connection);
+  }
+  if (rotors.size() == 2) std::stable_sort(rotors.begin(), rotors.end(), RightFirst);
+  return rotors;
 }
 
 constexpr const char* kFillIn = "FILL_IN";
@@ -60,21 +87,17 @@ std::string NumberOrMark(const std::vector<std::string>& missing, const char* na
                                                                           : fmt::format("{:.10g}", value);
 }
 
-// Rotors that no plugin names: the links at the ends of joints, those that spin before all others.
+// Rotors that no plugin names. Two of them are right and left.
 std::vector<RotorElement> Candidates(const SdfFiles& files, const VehicleTree& tree) {
-  const std::vector<Connection> connections = Connections(files, tree);
-  const bool any_spins = std::any_of(connections.begin(), connections.end(),
-                                     [](const Connection& connection) { return connection.spins; });
   std::vector<RotorElement> rotors;
-  for (const Connection& connection : connections) {
+  for (const Connection& connection : RotorJoints(Connections(files, tree))) {
     if (files.Link(connection.child) == nullptr) continue;
-    if (any_spins ? !connection.spins : CarriesAnother(connections, connection.child)) continue;
     rotors.push_back({.file = files.file(),
                       .line = 0,
                       .name = PartName(connection.child),
                       .link = connection.child,
                       .missing = {"direction", "drag_ratio_m", "force_max_n"}});
-    if (any_spins) rotors.back().joint = connection.joint;
+    if (connection.spins) rotors.back().joint = connection.joint;
   }
   if (rotors.size() == 2) {
     rotors[0].name = "right";
@@ -175,8 +198,9 @@ std::string MissingElements(const SdfFiles& files, const VehicleTree& tree, cons
     text += fmt::format("{}{}\n", has_none ? "      " : "    ", element);
   };
   if (present.base_link.empty()) add(fmt::format("<tiltproof:base link=\"{}\"/>", connections[0].parent));
+  const std::vector<Connection> rotor_joints = RotorJoints(connections);
   // The rotor of a pair that is there, if one is, decides what the other is called.
-  const bool is_pair = connections.size() == 2;
+  const bool is_pair = rotor_joints.size() == 2;
   bool is_right = present.rotors.empty() || present.rotors[0].name != "right";
   double direction = is_right ? 1 : -1;
   // A name that does not exist is one that was mistyped.
@@ -186,13 +210,13 @@ std::string MissingElements(const SdfFiles& files, const VehicleTree& tree, cons
   const bool servos_exist =
       std::all_of(present.servos.begin(), present.servos.end(),
                   [&](const ServoElement& each) { return tree.Joint(each.joint) != nullptr; });
-  for (const Connection& connection : connections) {
+  for (const Connection& connection : rotor_joints) {
     const bool is_there =
         std::any_of(present.rotors.begin(), present.rotors.end(),
                     [&](const RotorElement& each) { return each.link == connection.child; });
     const bool is_mistyped =
         !present.rotors.empty() && (!rotors_exist || files.Link(connection.child) == nullptr);
-    if (is_there || CarriesAnother(connections, connection.child) || is_mistyped) continue;
+    if (is_there || is_mistyped) continue;
     add(
         fmt::format("<tiltproof:rotor name=\"{}\" link=\"{}\" axis=\"0 0 1\" direction=\"{}\" "
                     "drag_ratio_m=\"0.0179\" force_min_n=\"0\" force_max_n=\"30\"/>",
@@ -206,7 +230,7 @@ std::string MissingElements(const SdfFiles& files, const VehicleTree& tree, cons
   for (const Connection& connection : connections) {
     const bool is_there = std::any_of(present.servos.begin(), present.servos.end(),
                                       [&](const ServoElement& s) { return s.joint == connection.joint; });
-    if (connection.is_hinge && !is_there && servos_exist)
+    if (connection.is_hinge && !connection.spins && !is_there && servos_exist)
       add(fmt::format("<tiltproof:servo joint=\"{}\" torque_max_nm=\"2\"/>", connection.joint));
   }
   if (text.empty()) return text;

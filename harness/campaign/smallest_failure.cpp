@@ -103,6 +103,7 @@ class SmallestSearch {
 
   void ChooseFaults();
   void SimplifyPath();
+  void RemoveNoise();
   void ShrinkFaults(const VehicleSignals& signals);
   void ShortenFlight();
 
@@ -213,6 +214,15 @@ void SmallestSearch::SimplifyPath() {
   simple.reference.path = HoverReference{.at_m = simple.initial_position_m};
   const bool hovers = Try(simple);
   Tell("path", "as it is", hovers ? "hover where the flight begins" : "as it is", runs);
+}
+
+void SmallestSearch::RemoveNoise() {
+  if (!options_.has_sensor_noise || !found_.scenario.sensor_noise) return;
+  const std::size_t runs = found_.runs;
+  Scenario quiet = found_.scenario;
+  quiet.sensor_noise = false;
+  const bool is_quiet = Try(quiet);
+  Tell("sensor noise", "on", is_quiet ? "off" : "on", runs);
 }
 
 // Windows are counted in control periods. First the end comes forward, then the start goes back.
@@ -369,6 +379,7 @@ SmallestFailure MinimiseFailure(const Scenario& scenario, const VehicleSignals& 
   if (search.Begin(std::nullopt)) {
     search.ChooseFaults();
     search.SimplifyPath();
+    search.RemoveNoise();
     search.ShrinkFaults(signals);
     search.ShortenFlight();
   }

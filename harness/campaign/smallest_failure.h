@@ -44,7 +44,8 @@ struct MinimiseStep {
 };
 
 struct MinimiseFailureOptions {
-  std::size_t runs_max = 250;  // flights in total, the first and the last included
+  std::size_t runs_max = 250;     // flights in total, the first and the last included
+  bool has_sensor_noise = false;  // the vehicle's file gives its sensors noise, so that it can be left out
   std::function<void(const MinimiseStep&)> on_step = [](const auto&) {};
 };
 
@@ -65,7 +66,7 @@ SmallestFailure MinimiseFaults(const Scenario& scenario, const Evaluate& evaluat
                                const MinimiseFailureOptions& options,
                                const std::optional<Flown>& first = std::nullopt);
 
-// Then everything else: windows to one control period, severities to 1 % of their distance from harmless, or of the larger
+// Then everything else: the path, the noise of the vehicle's sensors, windows to one control period, severities to 1 % of their distance from harmless, or of the larger
 // of two levels on a logarithmic scale without such a distance, the length to two control periods.
 SmallestFailure MinimiseFailure(const Scenario& scenario, const VehicleSignals& signals,
                                 const Evaluate& evaluate, const MinimiseFailureOptions& options);

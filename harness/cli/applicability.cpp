@@ -115,7 +115,7 @@ void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<
 // The other builds hold a gain of their own, and an image has no parameters.
 bool TakesGain(const ClientSpec& client, const std::string& build) {
   if (AbilitiesOf(client, false).shipped) return build == kLqrBuild;
-  return std::holds_alternative<HostLibrary>(client) || std::holds_alternative<Program>(client);
+  return !std::holds_alternative<EmulatedImage>(client) && !std::holds_alternative<SerialBoard>(client);
 }
 
 void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& clients,
@@ -125,7 +125,7 @@ void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& cli
     if (TakesGain(clients[i], scenario.firmware_of(i))) return;
   const std::string why = fmt::format(
       "{} does not take a gain; `firmware: lqr` does, and so do a library (library:FILE) and a program "
-      "(process:CMD) of your own",
+      "(program:CMD, process:CMD) of your own",
       AbilitiesOf(clients.front(), false).shipped ? fmt::format("the build '{}'", scenario.firmware_of(0))
                                                   : fmt::format("the client {}", ToText(clients.front())));
   problems.push_back({fmt::format("{}: gain: {}", scenario.file.string(), why), "gain: " + why});
@@ -205,7 +205,7 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
       if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), DialectOf(*scenario.link.protocol))))
         complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
                              ToText(spec)));
-    } else {
+    } else if (!std::holds_alternative<LockstepProgram>(spec)) {  // it says so when it runs
       complain(fmt::format("the client {} does not report its state", ToText(spec)));
     }
   }

@@ -5,12 +5,15 @@
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <set>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -88,7 +91,29 @@ void CheckClientIds(const RunClients& clients, const std::vector<const Scenario*
                                    ToText(client), id, fmt::join(known, ", ")));
 }
 
+namespace {
+
+// The file that a command starts with, when the user named one that is no program. A word with anything else in it than the
+// characters of a path is for the shell.
+std::optional<std::string> MissingProgram(const std::string& command) {
+  constexpr std::string_view kPathLetters =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+./";
+  const std::size_t begin = std::min(command.find_first_not_of(' '), command.size());
+  const std::string word = command.substr(begin, command.find(' ', begin) - begin);
+  if (word.find('/') == std::string::npos || word.find_first_not_of(kPathLetters) != std::string::npos)
+    return std::nullopt;
+  std::error_code ignored;
+  if (std::filesystem::is_regular_file(word, ignored) && access(word.c_str(), X_OK) == 0) return std::nullopt;
+  return std::filesystem::exists(word, ignored) ? word + " is not a program: it must be an executable file"
+                                                : "no program at " + word;
+}
+
+}  // namespace
+
 void CheckFirmwareFile(const ClientSpec& client) {
+  if (const auto* program = std::get_if<LockstepProgram>(&client))
+    if (const auto missing = MissingProgram(program->command))
+      throw UsageError(fmt::format("--client {}: {}", ToText(client), *missing));
   if (const auto* image = std::get_if<EmulatedImage>(&client); image != nullptr && !image->file.empty()) {
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(image->file, ignored))

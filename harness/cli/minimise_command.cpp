@@ -150,7 +150,9 @@ int MinimiseCommand(MinimiseOptions options) {
   Flights flights(entry, means);
   SmallestFailure smallest = MinimiseFailure(named, entry.model->signals(),
                                              [&](const Scenario& scenario) { return flights.Fly(scenario); },
-                                             {.runs_max = options.runs_max, .on_step = PrintStep});
+                                             {.runs_max = options.runs_max,
+                                              .has_sensor_noise = plant::HasNoise(entry.model->sensors),
+                                              .on_step = PrintStep});
   if (smallest.interrupted && !smallest.fails()) {
     Print(stderr, "tiltproof: minimise: interrupted in the first flight; nothing was written\n");
     return kExitInterrupted;

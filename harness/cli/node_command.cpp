@@ -67,6 +67,10 @@ MakeRole RoleOf(const ClientSpec& client) {
   if (std::holds_alternative<HostLibrary>(client)) return MakeLibraryRole;
   if (std::holds_alternative<Program>(client)) return MakeCommandRole;
   if (std::holds_alternative<EmulatedImage>(client)) return MakeEmulatorRole;
+  if (std::holds_alternative<LockstepProgram>(client))
+    throw UsageError(fmt::format(
+        "--client {}: it flies in lockstep only, where no node is started by hand: give it to `run`",
+        ToText(client)));
   throw UsageError(
       fmt::format("--client {}: a board has no client node; give this to the link node", ToText(client)));
 }

@@ -52,6 +52,12 @@ FlightMeans ChooseMeans(const RunOptions& options) {
       throw UsageError(
           fmt::format("--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime",
                       ToText(client)));
+  for (const ClientSpec& client : means.clients.Named())
+    if (means.realtime && !AbilitiesOf(client, true).wall_time)
+      throw UsageError(fmt::format(
+          "--client {}: it flies in lockstep only, because its time is the harness's; drop --mode "
+          "realtime, or fly a program with serial ports, process:CMD",
+          ToText(client)));
   if (means.realtime && means.distributed)
     throw UsageError("--distributed is for lockstep: in real time every part is a process of its own anyway");
   if (!means.realtime && (means.attach || !means.interface.empty() || !means.peers.empty()))
@@ -64,6 +70,11 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   if (options.gdb_port || options.gdb_at_s) {
     if (means.realtime || means.distributed)
       throw UsageError("--gdb: only in lockstep, in one process: there the vehicle waits for the debugger");
+    for (const ClientSpec& client : means.clients.Named())
+      if (const auto* program = std::get_if<LockstepProgram>(&client))
+        throw UsageError(fmt::format(
+            "--gdb: the program is a process of its own; start it in the debugger instead: --client {}",
+            Quoted("program:gdbserver :1234 " + program->command)));
     means.debug.emplace();
     if (options.gdb_port) means.debug->port = *options.gdb_port;
     if (options.gdb_at_s) means.debug->at_ns = FromSeconds(*options.gdb_at_s);

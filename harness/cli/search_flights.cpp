@@ -21,7 +21,7 @@ FlightMeans LockstepMeans(RunClients clients, const std::string& command) {
     if (!AbilitiesOf(client, false).virtual_time)
       throw UsageError(
           fmt::format("--client {}: it knows no virtual time, and {} flies in lockstep: give it host, "
-                      "library:FILE or qemu",
+                      "library:FILE, program:CMD or qemu",
                       ToText(client), command));
   return means;
 }

@@ -30,6 +30,8 @@ class DeviceClock {
   std::deque<DeviceEvent> Follow(const std::vector<faults::DeviceCommand>& commands, Origin origin);
 
   bool drifts() const { return !spans_.empty(); }
+  // It always shows boot time.
+  bool is_true() const { return spans_.empty() && offsets_.empty(); }
   TimeNs At(BootTime time) const;
   // The first nanosecond at which the clock shows `shown` or more.
   BootTime When(TimeNs shown) const;

@@ -2,7 +2,6 @@
 
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <fmt/format.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -12,21 +11,17 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <deque>
 #include <functional>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
 
 #include "firmware/tiltproof_client.h"
-#include "harness/client/device_clock.h"
+#include "harness/client/called_client.h"
 #include "harness/client/firmware_guard.h"
-#include "harness/client/sanitizer.h"
-#include "harness/client/task_delays.h"
 #include "harness/process/child_process.h"
 #include "harness/process/own_time.h"
 #include "harness/terminal/terminal.h"
-#include "link/overloaded.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -92,12 +87,12 @@ class Library {
   std::uint32_t abi_version_ = 0;
 };
 
-class LibraryClient final : public Client {
+class LibraryClient final : public CalledClient {
  public:
   LibraryClient(const std::filesystem::path& library, const std::string& firmware, std::string dialect,
                 ClientHost host, std::unique_ptr<CapturedOutput> output, bool coverage,
                 const std::function<std::string()>& parameters)
-      : host_(std::move(host)),
+      : CalledClient(std::move(host)),
         output_(std::move(output)),
         library_(library),
         firmware_(firmware),
@@ -120,7 +115,7 @@ class LibraryClient final : public Client {
       }
       return FirmwareGuard::CallBack([&] {
         auto* client = static_cast<LibraryClient*>(context);
-        const DeviceClock& clock = client->clock_;
+        const DeviceClock& clock = client->clock();
         return clock.At(client->Transmit(static_cast<Uart>(uart), clock.When(now_ns), {bytes, count}));
       });
     };
@@ -128,7 +123,7 @@ class LibraryClient final : public Client {
       if (!FirmwareGuard::IsGuardedThread()) return FirmwareGuard::NoteForeignCallBack("host->log");
       FirmwareGuard::CallBack([&] {
         auto* client = static_cast<LibraryClient*>(context);
-        return client->Log(client->clock_.When(now_ns), text == nullptr ? "" : text);
+        return client->Log(client->clock().When(now_ns), text == nullptr ? "" : text);
       });
     };
     LibraryCoverage::Count(coverage);
@@ -155,7 +150,7 @@ class LibraryClient final : public Client {
     try {
       FirmwareGuard::Call(FirmwareCall::kDestroy, [&] { library_.destroy(std::exchange(client_, nullptr)); });
     } catch (const FirmwareTrouble& trouble) {
-      if (output_) output_->TakeAll([&](const std::string& line) { report_.Look(line); });
+      if (output_) output_->TakeAll([&](const std::string& line) { report().Look(line); });
       return Explained(trouble);
     } catch (const std::exception& error) {
       return FirmwareTrouble(false, error.what());
@@ -163,79 +158,23 @@ class LibraryClient final : public Client {
     return std::nullopt;
   }
 
-  BootTime Start(BootTime now) override {
-    const BootTime wake =
-        clock_.When(Guarded(FirmwareCall::kStart, [&] { return library_.start(client_, clock_.At(now)); }));
-    LogOutput(now);
-    return wake;
-  }
-  void Receive(Uart uart, BootTime now, std::span<const std::uint8_t> bytes,
-               std::span<const faults::ReceiveMark> /*marks*/) override {
-    if (in_reset_) return;
-    Guarded(FirmwareCall::kReceive, [&] {
-      library_.receive(client_, static_cast<int>(uart), clock_.At(now), bytes.data(), bytes.size());
-    });
-  }
-  BootTime Grant(BootTime now, BootTime /*horizon*/) override {
-    for (; !clock_events_.empty() && now >= clock_events_.front().time_ns; clock_events_.pop_front())
-      host_.event(clock_events_.front());
-    // Resets that begin while it is held hold it until the last has ended.
-    for (; !resets_.empty() && now >= resets_.front().begin; resets_.pop_front()) {
-      in_reset_ = true;
-      held_until_ = std::max(held_until_, resets_.front().end);
-      host_.event({.time_ns = now,
-                   .fault = resets_.front().fault,
-                   .kind = kResetEvent,
-                   .text = "reset, and held until it has booted"});
-    }
-    if (!in_reset_) {
-      wake_ns_ = Run(now);
-    } else if (now < held_until_) {
-      wake_ns_ = held_until_;
-    } else {
-      in_reset_ = false;
-      host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
-      wake_ns_ =
-          clock_.When(Guarded(FirmwareCall::kReset, [&] { return library_.reset(client_, clock_.At(now)); }));
-    }
-    if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
-    return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
-  }
-  // A library can be reset or run late, and its clock can be wrong; all other faults of a device are refused before
-  // the flight.
-  void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
-    const auto refuse = [] {
-      throw std::logic_error("a library was given a command that it cannot carry out");
-    };
-    clock_events_ = clock_.Follow(commands, origin);
-    task_delays_ = TaskDelays(commands, origin);
-    for (const faults::DeviceCommand& command : commands)
-      std::visit(Overloaded{[&](const faults::ResetProcessor&) {
-                              resets_.push_back({origin.ToBootTime(command.at_ns),
-                                                 origin.ToBootTime(command.until_ns), command.fault});
-                            },
-                            [&](const faults::ResetByWatchdog&) { refuse(); },
-                            [&](const faults::HangProcessor&) { refuse(); },
-                            [&](const faults::StallProcessor&) { refuse(); },
-                            [&](const faults::FlipBits&) { refuse(); },
-                            // In force already, in task_delays_ and clock_.
-                            [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {},
-                            [](const faults::JumpClock&) {}},
-                 command.action);
-  }
-  std::optional<ClientStatus> Status() override {
-    LogAllOutput();
-    return AskStatus();
-  }
-  ClientSample Sample() override {
-    const auto status = AskStatus();
-    return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt,
-            .watched = {}};
-  }
   Coverage CodeCoverage() override { return LibraryCoverage::Read(); }
 
  private:
-  std::optional<ClientStatus> AskStatus() {
+  TimeNs StartFirmware(TimeNs shown) override {
+    return Guarded(FirmwareCall::kStart, [&] { return library_.start(client_, shown); });
+  }
+  void ReceiveInFirmware(Uart uart, TimeNs shown, std::span<const std::uint8_t> bytes) override {
+    Guarded(FirmwareCall::kReceive,
+            [&] { library_.receive(client_, static_cast<int>(uart), shown, bytes.data(), bytes.size()); });
+  }
+  TimeNs RunFirmware(TimeNs shown) override {
+    return Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, shown); });
+  }
+  TimeNs ResetFirmware(TimeNs shown) override {
+    return Guarded(FirmwareCall::kReset, [&] { return library_.reset(client_, shown); });
+  }
+  std::optional<ClientStatus> AskStatus() override {
     if (library_.status == nullptr || lost_) return std::nullopt;
     TiltproofClientStatus status{};
     Guarded(FirmwareCall::kStatus, [&] { library_.status(client_, &status); });
@@ -261,74 +200,40 @@ class LibraryClient final : public Client {
   FirmwareTrouble Explained(const FirmwareTrouble& trouble) const {
     std::string text = trouble.what();
     FirmwareEnd end = trouble.end;
-    if (report_.names_place())
-      end.place = report_.place();
+    if (report().names_place())
+      end.place = report().place();
     else
       text += FirmwareGuard::CrashPlace().text();
-    if (!report_.text().empty()) text += ": " + report_.text();
+    if (!report().text().empty()) text += ": " + report().text();
     return {false, text, end};
   }
 
-  // Until when it waits.
-  BootTime Run(BootTime now) {
-    if (const auto hold = task_delays_.At(now)) {
-      if (std::exchange(task_held_until_, hold->until) != hold->until)
-        host_.event({.time_ns = now,
-                     .fault = hold->fault,
-                     .kind = "task_delayed",
-                     .text = fmt::format("held for {:.6g} ms", ToSeconds(hold->until - now) * 1e3)});
-      return hold->until;
-    }
-    return clock_.When(
-        Guarded(FirmwareCall::kGrant, [&] { return library_.grant(client_, clock_.At(now)); }));
-  }
-
   BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
-    return over_ ? now : host_.transmit(uart, now, bytes);
+    return over_ ? now : host().transmit(uart, now, bytes);
   }
   bool Log(BootTime now, std::string_view text) {
     if (over_) return false;
     // Earlier output comes first.
     LogOutput(now);
-    host_.log(now, text);
+    host().log(now, text);
     return true;
   }
 
-  void LogOutput(BootTime now) {
-    logged_ns_ = now;
-    if (output_) output_->TakeLines([&](const std::string& line) { LogLine(now, line); });
-  }
-  void LogAllOutput() {
-    if (output_) output_->TakeAll([&](const std::string& line) { LogLine(logged_ns_, line); });
-  }
-  void LogLine(BootTime now, const std::string& line) {
-    report_.Look(line);
-    host_.log(now, line);
+  void TakeOutput(bool all) override {
+    if (!output_) return;
+    const auto on_line = [this](const std::string& line) { LogLine(line); };
+    if (all) {
+      output_->TakeAll(on_line);
+    } else {
+      output_->TakeLines(on_line);
+    }
   }
 
-  // Looking for output takes a while.
-  static constexpr TimeNs kLogPeriod = 12 * kNsPerMs;
-
-  ClientHost host_;
   std::unique_ptr<CapturedOutput> output_;
-  AbortReport report_;  // in it
   Library library_;
   std::string firmware_, dialect_, parameters_;
   TiltproofHost interface_{};
   TiltproofClient* client_ = nullptr;
-  struct Reset {
-    BootTime begin, end;
-    std::size_t fault;
-  };
-  std::deque<Reset> resets_;              // to come, by begin
-  DeviceClock clock_;                     // by which it lives; all other times here are true
-  std::deque<DeviceEvent> clock_events_;  // to be reported when they happen, in order
-  TaskDelays task_delays_;
-  BootTime task_held_until_;
-  bool in_reset_ = false;
-  BootTime held_until_;
-  BootTime wake_ns_ = BootTime::Never();
-  BootTime logged_ns_;
   bool lost_ = false;
   bool over_ = false;
 };

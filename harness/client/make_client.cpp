@@ -5,6 +5,7 @@
 
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
+#include "harness/client/program_client.h"
 #include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
@@ -28,6 +29,13 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
         TakesParameters(*library, settings.firmware) ? settings.parameters : nullptr);
     return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);
   }
+  if (const auto* program = std::get_if<LockstepProgram>(&client))
+    return StartProgramClient({.command = program->command},
+                              {.uarts = {settings.lines.main, settings.lines.reference},
+                               .firmware = settings.firmware,
+                               .dialect = DialectOf(*settings.protocol),
+                               .parameters = settings.parameters ? settings.parameters() : "{}"},
+                              std::move(host));
   throw std::runtime_error(ToText(client) + ": it knows no virtual time and cannot fly in lockstep");
 }
 

@@ -168,6 +168,7 @@ void AbortReport::SetPlace(std::string_view line) {
 void AbortReport::Look(std::string_view line) {
   constexpr std::size_t kTextMax = 400;
   const auto find = [&](std::string_view text) { return line.find(text); };
+  if (LookForTraceback(line)) return;
   if (const std::size_t at = find("ERROR: AddressSanitizer: "); at != line.npos) {
     text_ = line.substr(at, std::min(line.find(" on ", at), line.find(" (", at)) - at).substr(0, kTextMax);
     lacks_place_ = true;
@@ -198,7 +199,35 @@ void AbortReport::Look(std::string_view line) {
     lacks_place_ = false;
     place_.clear();
     if (names_place_) SetPlace(text_);
+  } else if (find("' panicked at ") != line.npos || line.starts_with("raised ")) {
+    // Rust: "thread 'main' panicked at 'MESSAGE', FILE:LINE:COLUMN". Ada: "raised EXCEPTION : FILE:LINE MESSAGE".
+    text_ = line.substr(0, kTextMax);
+    lacks_place_ = false;
+    SetPlace(text_);
+    names_place_ = !place_.empty();
   }
+}
+
+// Python prints the frames, the innermost last, then the exception.
+bool AbortReport::LookForTraceback(std::string_view line) {
+  constexpr std::string_view kFile = "  File \"", kLine = "\", line ";
+  if (line == "Traceback (most recent call last):") {
+    in_traceback_ = true;
+    frame_.clear();
+    return true;
+  }
+  if (!in_traceback_) return false;
+  if (const std::size_t number = line.find(kLine); line.starts_with(kFile) && number != line.npos) {
+    const std::string_view behind = line.substr(number + kLine.size());
+    frame_ = fmt::format("{}:{}", line.substr(kFile.size(), number - kFile.size()),
+                         behind.substr(0, behind.find(',')));
+  }
+  if (line.empty() || line.front() == ' ') return true;
+  in_traceback_ = lacks_place_ = false;
+  names_place_ = !frame_.empty();
+  place_ = frame_;
+  text_ = frame_.empty() ? std::string(line) : fmt::format("{} at {}", line, frame_);
+  return true;
 }
 
 }  // namespace tiltproof::harness

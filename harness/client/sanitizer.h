@@ -20,8 +20,8 @@ namespace tiltproof::harness {
 // std::runtime_error that says what to do when the sanitizer is not found.
 void PreloadSanitizer(const std::filesystem::path& library);
 
-// A process's reason to abort, from its output. It is in the sanitizers' reports, and in the C library's last line (an
-// assertion, a damaged stack guard, a damaged heap).
+// A process's reason to abort, from its output. It is in the sanitizers' reports, in the C library's last line (an
+// assertion, a damaged stack guard, a damaged heap), and in what Python, Rust and Ada print of an exception.
 class AbortReport {
  public:
   void Look(std::string_view line);
@@ -34,8 +34,11 @@ class AbortReport {
 
  private:
   void SetPlace(std::string_view line);
+  bool LookForTraceback(std::string_view line);
 
   std::string text_, place_;
+  std::string frame_;  // of a traceback: the innermost place so far
+  bool in_traceback_ = false;
   bool lacks_place_ = false, names_place_ = false;
 };
 

@@ -46,7 +46,7 @@ plant::SensorDraws DrawsOf(const SignalTable& measured, std::uint64_t seed) {
 
 plant::PlantOptions OptionsOf(const Scenario& scenario, const VehicleSignals& signals) {
   plant::PlantOptions options = PlantOptionsOf(scenario);
-  options.sensor_draws = DrawsOf(signals.measured, scenario.seed);
+  if (scenario.sensor_noise) options.sensor_draws = DrawsOf(signals.measured, scenario.seed);
   return options;
 }
 

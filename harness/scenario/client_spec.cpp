@@ -13,13 +13,14 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array<ClientForm, 5> kForms = {{
+constexpr std::array<ClientForm, 6> kForms = {{
     {"host", "the shipped firmware, built for this machine (the default)"},
     {"library:FILE", "a firmware built as a shared library (firmware/tiltproof_client.h)"},
     {"qemu[:ELF]",
      "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
      "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), "
      ",hse=HZ (the board's crystal, 8000000)"},
+    {"program:CMD", "a program in any language that flies in lockstep over a socket (docs/program.md)"},
     {"process:CMD",
      "a program with serial ports, {port}, {reference_port} and {baud} in CMD; --mode realtime"},
     {"serial:DEV[,REFDEV][,reset=HOW]",
@@ -29,8 +30,8 @@ constexpr std::array<ClientForm, 5> kForms = {{
 }};
 
 // In the order of ClientSpec.
-constexpr std::array<std::string_view, std::variant_size_v<ClientSpec>> kKinds = {"library", "qemu",
-                                                                                  "process", "serial"};
+constexpr std::array<std::string_view, std::variant_size_v<ClientSpec>> kKinds = {
+    "library", "qemu", "process", "serial", "program"};
 
 std::string Absolute(std::string_view file) { return std::filesystem::absolute(file).string(); }
 
@@ -160,6 +161,7 @@ std::string TextOf(const EmulatedImage& image) {
   return text == "qemu:executive" ? "qemu" : text;
 }
 std::string TextOf(const Program& program) { return "process:" + program.command; }
+std::string TextOf(const LockstepProgram& program) { return "program:" + program.command; }
 std::string TextOf(const SerialBoard& board) {
   return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device +
          (board.reset.empty() ? "" : ",reset=") + board.reset;
@@ -178,6 +180,11 @@ void Add(const EmulatedImage& image, ClientAbilities& abilities) {
   abilities.exact_times = abilities.clock = abilities.task = !abilities.realtime;
 }
 void Add(const Program& /*program*/, ClientAbilities& /*abilities*/) {}
+void Add(const LockstepProgram& /*program*/, ClientAbilities& abilities) {
+  abilities.virtual_time = true;
+  abilities.wall_time = false;
+  abilities.clock = abilities.reset = abilities.task = !abilities.realtime;
+}
 void Add(const SerialBoard& /*board*/, ClientAbilities& abilities) { abilities.node = false; }
 
 }  // namespace
@@ -195,9 +202,10 @@ ClientSpec ParseClient(const std::string& text) {
   if (kind == "host")
     throw ClientMistake("nothing follows `host`; library:FILE is a firmware library of yours");
   if (kind == "qemu") return ReadImage(rest);
-  if (kind != "library" && kind != "process" && kind != "serial") ThrowUnknownKind(kind);
-  if (rest.empty()) throw ClientMistake("names nothing");
+  if (std::find(kKinds.begin(), kKinds.end(), kind) == kKinds.end()) ThrowUnknownKind(kind);
+  if (rest.find_first_not_of(' ') == std::string::npos) throw ClientMistake("names nothing");
   if (kind == "library") return HostLibrary{Absolute(rest)};
+  if (kind == "program") return LockstepProgram{rest};
   if (kind == "process") return ReadProgram(rest);
   return ReadBoard(rest);
 }
@@ -220,8 +228,9 @@ std::vector<ClientSpec> RunClients::Named() const {
 std::string_view KindOf(const ClientSpec& client) { return kKinds[client.index()]; }
 
 std::optional<ClientSpec> ClientOfKind(std::string_view kind) {
-  for (const ClientSpec& client : {ClientSpec(HostLibrary{}), ClientSpec(EmulatedImage{}),
-                                   ClientSpec(Program{}), ClientSpec(SerialBoard{})})
+  for (const ClientSpec& client :
+       {ClientSpec(HostLibrary{}), ClientSpec(EmulatedImage{}), ClientSpec(Program{}),
+        ClientSpec(SerialBoard{}), ClientSpec(LockstepProgram{})})
     if (KindOf(client) == kind) return client;
   return std::nullopt;
 }

@@ -44,6 +44,12 @@ struct Program {
   friend bool operator==(const Program&, const Program&) = default;
 };
 
+// A program that flies in lockstep over a socket (docs/program.md).
+struct LockstepProgram {
+  std::string command;  // for sh -c
+  friend bool operator==(const LockstepProgram&, const LockstepProgram&) = default;
+};
+
 // A board on serial ports of this machine, or on the sockets of an emulator.
 struct SerialBoard {
   std::string device, reference_device;  // /dev/..., unix:PATH; the second may be empty
@@ -53,7 +59,7 @@ struct SerialBoard {
   friend bool operator==(const SerialBoard&, const SerialBoard&) = default;
 };
 
-using ClientSpec = std::variant<HostLibrary, EmulatedImage, Program, SerialBoard>;
+using ClientSpec = std::variant<HostLibrary, EmulatedImage, Program, SerialBoard, LockstepProgram>;
 
 // One form of the text, for a help page.
 struct ClientForm {
@@ -83,7 +89,7 @@ struct RunClients {
 };
 
 // Only its kind, for messages between nodes: a node's file or device means nothing to another host.
-// "library", "qemu", "process" or "serial". The reverse returns a client of that kind without names, or
+// "library", "qemu", "process", "serial" or "program". The reverse returns a client of that kind without names, or
 // nullopt.
 std::string_view KindOf(const ClientSpec& client);
 std::optional<ClientSpec> ClientOfKind(std::string_view kind);
@@ -92,6 +98,7 @@ std::optional<ClientSpec> ClientOfKind(std::string_view kind);
 struct ClientAbilities {
   bool realtime = false;      // the mode; otherwise lockstep
   bool virtual_time = false;  // it can fly in lockstep
+  bool wall_time = true;      // it can fly in real time
   bool shipped = false;       // it flies the shipped build that the scenario's `firmware` names
   bool guarded = false;       // its code runs in a process of the harness, under a FirmwareGuard
   bool node = true;           // in real time it has a node; otherwise it is on the link node's own ports

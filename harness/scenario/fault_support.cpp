@@ -16,12 +16,12 @@ std::optional<std::string> UnsupportedClock(std::string_view node, bool jumps,
            "--mode realtime";
   }
   if (!abilities.clock)
-    return "acts on the client's clock, which in real time is its own: it needs host or library:FILE, or for "
-           "a drift "
-           "an emulated board in lockstep";
+    return "acts on the client's clock, which in real time is its own: it needs host or library:FILE, or in "
+           "lockstep "
+           "program:CMD or, for a drift, an emulated board";
   if (jumps && !abilities.realtime && abilities.processor)
     return "lets the client's clock jump, and the processor of an emulated board would execute everything in "
-           "between: fly it with host or library:FILE";
+           "between: fly it with host, library:FILE or program:CMD";
   return std::nullopt;
 }
 
@@ -37,13 +37,12 @@ std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const fau
       return "acts on a node, and lockstep has no node processes: it needs --mode realtime";
     case Needs::kReset:
       if (abilities.reset) return std::nullopt;
-      return "needs a client that can be reset: fly it with --client qemu, or in lockstep with host or "
-             "library:FILE";
+      return "needs a client that can be reset: fly it with --client qemu, or in lockstep with host, "
+             "library:FILE or program:CMD";
     case Needs::kTask:
       if (abilities.task) return std::nullopt;
-      return "delays the task of a firmware in virtual time: fly it in lockstep with host, library:FILE or "
-             "an "
-             "emulated board";
+      return "delays the task of a firmware in virtual time: fly it in lockstep with host, library:FILE, "
+             "program:CMD or an emulated board";
     case Needs::kProcessor:
       if (abilities.processor) return std::nullopt;
       return "needs an emulated board: fly it with --client qemu";

@@ -231,6 +231,22 @@ void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
          arbiter.client, kClientRule);
 }
 
+// Criteria that every scenario has.
+void DescribeOwnCriteria(KeyVisitor& v, Scenario& s) {
+  v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
+    w.Number(
+        {"tolerance_percent",
+         "How far the median interval between the firmware's requests may be from the protocol's period"},
+        s.control_period_tolerance_percent, {0.001, 1000});
+  });
+  v.Section({"clean_line", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
+    w.Integer({"periods_count",
+               "How many periods may lack a request or an actuator message, or have a second request; above "
+               "1, so many malformed frames are accepted, too"},
+              s.clean_line_periods_count, {0, 1'000'000});
+  });
+}
+
 }  // namespace
 
 void DescribeScenario(KeyVisitor& v, Scenario& s) {
@@ -256,18 +272,10 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
          s.allow_restarts);
   v.Bool({"held", "Hold the vehicle on a test stand: it stays as it is at the start, whatever is commanded"},
          s.held);
-  v.Section({"control_period", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
-    w.Number(
-        {"tolerance_percent",
-         "How far the median interval between the firmware's requests may be from the protocol's period"},
-        s.control_period_tolerance_percent, {0.001, 1000});
-  });
-  v.Section({"clean_line", "The criterion of that name, which every scenario has"}, [&](KeyVisitor& w) {
-    w.Integer({"periods_count",
-               "How many periods may lack a request or an actuator message, or have a second request; above "
-               "1, so many malformed frames are accepted, too"},
-              s.clean_line_periods_count, {0, 1'000'000});
-  });
+  v.Bool({"sensor_noise",
+          "false: the sensors of the vehicle's file have no noise and no bias; faults keep theirs"},
+         s.sensor_noise);
+  DescribeOwnCriteria(v, s);
   v.Seconds({"start_within_s",
              "Time from power-on in which `start` must come; a longer flight waits as long as it lasts. "
              "Until then, an image that is busy does not count as hung"},

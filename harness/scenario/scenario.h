@@ -127,6 +127,7 @@ struct Scenario {
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
   bool allow_restarts = false;            // of the firmware, that no fault asked for
   bool held = false;                      // on a test stand: the vehicle does not move
+  bool sensor_noise = true;               // of the sensors of the vehicle's file; not that of faults
   double control_period_tolerance_percent = 1.0;
   std::int64_t clean_line_periods_count = 1;  // that may be unclean, of each kind
   std::uint64_t seed = 1;

@@ -30,7 +30,7 @@ MAY_INCLUDE = {
     "harness/process": ["harness/process", "link/time.h", "link/unix_socket.h"],
     "harness/emulator": ["harness/emulator", "harness/process", "faults", "link"],
     "harness/emulator/diagnosis": ["harness/emulator", "harness/process", "faults", "link"],
-    "harness/client": ["harness/client", "harness/scenario", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "faults", "link"],
+    "harness/client": ["harness/client", "harness/scenario", "harness/emulator", "harness/process", "harness/terminal", "firmware/tiltproof_client.h", "firmware/tiltproof_program.h", "faults", "link"],
     "harness/client/preload": ["harness/client/preload", "firmware/tiltproof_program.h"],
     "harness/dds": ["harness/dds", "harness/terminal", "link"],
     "harness/run": ["harness/run", "harness/process", "harness/terminal", "harness/client", "harness/emulator", "harness/dds", "harness/reference", "harness/scenario", "harness/formula",

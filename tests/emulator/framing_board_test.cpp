@@ -14,25 +14,10 @@
 #include "link/cobs_framing.h"
 #include "link/length_framing.h"
 #include "tests/harness/run/by_hand.h"
+#include "tests/support/tiny_framings.h"
 
 namespace tiltproof::harness {
 namespace {
-
-std::shared_ptr<const link::Protocol> PaperIn(std::shared_ptr<const link::Framing> framing) {
-  auto protocol = std::make_shared<link::Protocol>(*link::FindProtocol("paper"));
-  protocol->framing = std::move(framing);
-  return protocol;
-}
-
-faults::FaultSpec OnFrames(const char* type, std::map<std::string, faults::ParameterValue> parameters) {
-  faults::FaultSpec fault;
-  fault.id = "fault";
-  fault.type = type;
-  fault.target = faults::Target::kBoth;
-  fault.start_ns = kNsPerS;
-  fault.parameters = std::move(parameters);
-  return fault;
-}
 
 RunLog FlyIn(const std::shared_ptr<const link::Protocol>& protocol, const std::string& firmware,
              const ClientSpec& client, const std::vector<faults::FaultSpec>& faults) {
@@ -74,8 +59,8 @@ void CheckEqual(const std::shared_ptr<const link::Framing>& framing, const std::
     SCOPED_TRACE(drop);
     std::vector<faults::FaultSpec> faults;
     if (drop > 0) faults.push_back(OnFrames("frame.drop", {{"probability", drop}}));
-    const RunLog emulated = FlyIn(PaperIn(framing), "paper", image, faults),
-                 host = FlyIn(PaperIn(framing), "paper", library, faults);
+    const RunLog emulated = FlyIn(link::PaperOver(framing), "paper", image, faults),
+                 host = FlyIn(link::PaperOver(framing), "paper", library, faults);
     EXPECT_EQ(emulated.end_reason, EndReason::kCompleted);
     const auto& counts = emulated.clients[0].counts;
     EXPECT_GT(counts[0].frames_accepted, drop > 0 ? 300 : 495);

@@ -2,9 +2,14 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/SVD>
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <span>
+#include <vector>
 
 #include "plant/dynamics.h"
 #include "plant/plant.h"
@@ -117,6 +122,51 @@ TEST(ShippedVehicles, TheHexarotorCanHoverWithoutItsFrontRotor) {
   EXPECT_LT(Unbalance(model, {0, 1.5 * quarter_n, 0, quarter_n, 0.5 * quarter_n, quarter_n}), 1e-7);
   EXPECT_LT(1.5 * quarter_n, 6.125);
   EXPECT_GT(Unbalance(model, {0, quarter_n, quarter_n, quarter_n, 0, quarter_n}), 0.1);
+}
+
+// The available control authority index of Du et al. (arXiv:1403.5986v3, section III): the radius of the largest
+// ball around hover within the attainable thrusts and moments. These are the image of a box, so each facet is normal
+// to three rotors' columns. `directions`: +1 clockwise, seen from above. `failed`: a rotor, or -1. In N and N m.
+double ControlAuthority(const VehicleModel& model, std::span<const double> directions, int failed) {
+  constexpr double kStandardGravity_m_s2 = 9.80665;
+  Eigen::Matrix<double, 4, 6> effect;
+  for (int i = 0; i < 6; ++i) {
+    const Rotor& rotor = model.rotors[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d& p_m = rotor.p_LR_m;
+    effect.col(i) << 1, p_m.y(), -p_m.x(), directions[static_cast<std::size_t>(i)] * rotor.drag_ratio_m;
+    effect.col(i) *= i == failed ? 0 : rotor.force_max_n / 2;
+  }
+  const Eigen::Vector4d hover =
+      Eigen::Vector4d(model.MassTotal() * kStandardGravity_m_s2, 0, 0, 0) - effect.rowwise().sum();
+  double radius = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < i; ++j) {
+      for (int k = 0; k < j; ++k) {
+        Eigen::Matrix<double, 3, 4> facet;
+        facet << effect.col(i).transpose(), effect.col(j).transpose(), effect.col(k).transpose();
+        const Eigen::JacobiSVD<Eigen::MatrixXd> svd(facet, Eigen::ComputeFullV);
+        if (svd.singularValues()[2] < 1e-9) continue;
+        const Eigen::Vector4d normal = svd.matrixV().col(3);
+        radius =
+            std::min(radius, (normal.transpose() * effect).cwiseAbs().sum() - std::abs(normal.dot(hover)));
+      }
+    }
+  }
+  return radius;
+}
+
+// Mass, arm, largest thrust and drag ratio together decide these indices. They are from the tests of an independent
+// public calculation, which follows the authors' Matlab files (dmkeijzer/RBDOWigeon-paper, stab_and_ctrl).
+TEST(ShippedVehicles, TheHexarotorHasThePublishedControlAuthority) {
+  const VehicleModel model = LoadShipped("hexarotor");
+  std::array<double, 6> own{};
+  for (std::size_t i = 0; i < 6; ++i) own[i] = model.rotors[i].direction;
+  EXPECT_NEAR(ControlAuthority(model, own, -1), 1.1295, 1e-4);
+  EXPECT_NEAR(ControlAuthority(model, own, 0), 0.7213, 1e-4);
+  EXPECT_LT(ControlAuthority(model, own, 4), 1e-4);
+  constexpr std::array<double, 6> kUsual{1, -1, 1, -1, 1, -1};
+  EXPECT_NEAR(ControlAuthority(model, kUsual, -1), 1.4861, 1e-4);
+  for (int failed = 0; failed < 6; ++failed) EXPECT_NEAR(ControlAuthority(model, kUsual, failed), 0, 1e-4);
 }
 
 TEST(ShippedVehicles, TheQuadTiltHangsOnItsHinges) {

@@ -257,6 +257,68 @@ TEST_F(VehicleFolder, ServoWithoutSpeedIsNamedAndFilledIn) {
   EXPECT_EQ(model.rotors[0].time_constant_down_s, 0.025);
 }
 
+// A bicopter whose left side comes first, with propellers that spin, a sensor on a joint, and poses that only the
+// joints state.
+std::string Bicopter() {
+  std::string text =
+      Body("base_link", "0 0 0 0 0 0", "0.4", "8e-4 1.2e-3 1.3e-3") +
+      Body("imu", "0 0 0 0 0 0", "0.01", "1e-5 1e-5 1e-5") +
+      JointOf("imu_joint", "revolute", "base_link", "imu", Axis("0 0 1", "<lower>0</lower><upper>0</upper>"));
+  for (const auto& [side, y] : {std::pair<std::string, std::string>{"ccw", "0.15"}, {"cw", "-0.15"}}) {
+    const std::string tilt = side + "_servo_joint", spin = side + "_mot_joint";
+    std::string arm = Body(side + "_servo", "0 0 0 0 0 0", "0.05", "1e-5 1e-5 1e-5");
+    std::string propeller = Body(side + "_mot", "0 0 0 0 0 0", "0.05", "1e-5 1e-5 1e-5");
+    arm.replace(arm.find("<pose>"), 6, "<pose relative_to='" + tilt + "'>");
+    propeller.replace(propeller.find("<pose>"), 6, "<pose relative_to='" + spin + "'>");
+    text += arm + propeller +
+            JointOf(tilt, "revolute", "base_link", side + "_servo",
+                    "<pose relative_to='base_link'>0 " + y + " 0.05 0 0 0</pose>" +
+                        Axis("0 1 0", "<lower>-0.8</lower><upper>0.8</upper>")) +
+            JointOf(spin, "revolute", side + "_servo", side + "_mot",
+                    "<pose relative_to='" + side + "_servo'>0 0 0.06 0 0 0</pose>" + Axis("0 0 1"));
+  }
+  return Sdf(text, "1.9");
+}
+
+TEST_F(VehicleFolder, MappingKnowsTheRightRotorByItsPlace) {
+  Write("bi.sdf", Bicopter());
+  const std::string error = Error("bi.sdf");
+  const std::size_t right = error.find("name=\"right\" link=\"cw_mot\""),
+                    left = error.find("name=\"left\" link=\"ccw_mot\"");
+  EXPECT_LT(right, left) << error;
+  EXPECT_NE(left, std::string::npos) << error;
+  EXPECT_THAT(error, Not(HasSubstr("link=\"imu\"")));
+  EXPECT_THAT(error, HasSubstr("servo joint=\"cw_servo_joint\""));
+  EXPECT_THAT(error, Not(HasSubstr("servo joint=\"cw_mot_joint\"")));
+  std::string mapping = VehicleMapping(folder_ / "bi.sdf");
+  for (const auto& [name, value] : {std::pair<std::string, std::string>{"direction", "1"},
+                                    {"drag_ratio_m", "0.02"},
+                                    {"force_max_n", "9"},
+                                    {"torque_max_nm", "1"}})
+    for (std::size_t at; (at = mapping.find(name + "=\"FILL_IN")) != std::string::npos;)
+      mapping.replace(at + name.size() + 2, 7, value);
+  Write("bi.tiltproof.xml", mapping);
+  EXPECT_EQ(Load("bi.sdf").hinges[0].joint, "cw_servo_joint");
+  EXPECT_THAT(warnings_, Not(::testing::Contains(HasSubstr("exchange the names"))));
+}
+
+TEST_F(VehicleFolder, ARightRotorOnTheLeftIsNoted) {
+  Write("bi.sdf", Bicopter());
+  std::string mapping =
+      "<tiltproof:vehicle xmlns:tiltproof='urn:tiltproof:vehicle:1'><tiltproof:base link='base_link'/>\n";
+  for (const auto& [name, side] : {std::pair<std::string, std::string>{"right", "ccw"}, {"left", "cw"}})
+    mapping += "<tiltproof:rotor name='" + name + "' link='" + side + "_mot' axis='0 0 1' direction='" +
+               (side == "cw" ? "1" : "-1") +
+               "' drag_ratio_m='0.02' force_min_n='0' force_max_n='9'/><tiltproof:servo joint='" + side +
+               "_servo_joint' torque_max_nm='1'/>\n";
+  Write("bi.tiltproof.xml", mapping + "</tiltproof:vehicle>\n");
+  EXPECT_EQ(Load("bi.sdf").rotors.size(), 2U);
+  EXPECT_THAT(warnings_,
+              ::testing::Contains(
+                  HasSubstr("bi.tiltproof.xml:2: rotor 'right' is at y = 0.15 m, to the left of rotor 'left' "
+                            "at -0.15 m: exchange the names")));
+}
+
 TEST_F(VehicleFolder, TorqueServoByTheEffort) {
   std::string text = TiltingArms("<lower>-0.5</lower><upper>0.5</upper><effort>2</effort>");
   for (std::size_t at = text.find("JointPositionC"); at != std::string::npos;

@@ -4,13 +4,16 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
-#include "firmware/ports/host/json.h"
 #include "link/cobs_framing.h"
 #include "link/hdlc_framing.h"
 #include "link/length_framing.h"
@@ -19,12 +22,46 @@
 namespace tiltproof::firmware {
 namespace {
 
+using Json = nlohmann::json;
 using link::MessageField;
 using link::MessageKind;
 using link::MessageType;
 using link::NumberType;
 
 constexpr std::size_t kMessagesMax = 256;
+
+// Null when this is no object or has no such key.
+const Json* Find(const Json& json, const char* key) {
+  const auto found = json.find(key);
+  return found == json.end() ? nullptr : &*found;
+}
+// The text of a string at that key; empty when there is none.
+std::string_view TextAt(const Json& json, const char* key) {
+  const Json* value = Find(json, key);
+  const auto* text = value == nullptr ? nullptr : value->get_ptr<const std::string*>();
+  return text == nullptr ? std::string_view() : *text;
+}
+// nullopt when this is no number, or not one of the type.
+template <class Number>
+std::optional<Number> NumberOf(const Json& json) {
+  if constexpr (std::is_floating_point_v<Number>) {
+    if (!json.is_number()) return std::nullopt;
+    const double value = json.get<double>();
+    if (!(std::abs(value) <= std::numeric_limits<Number>::max())) return std::nullopt;
+    return static_cast<Number>(value);
+  } else {
+    if (!json.is_number_integer()) return std::nullopt;
+    const auto value = json.get<std::int64_t>();
+    if (!std::in_range<Number>(value)) return std::nullopt;
+    return static_cast<Number>(value);
+  }
+}
+// nullopt when there is no number at that key, or not one of the type.
+template <class Number>
+std::optional<Number> NumberAt(const Json& json, const char* key) {
+  const Json* value = Find(json, key);
+  return value == nullptr ? std::nullopt : NumberOf<Number>(*value);
+}
 
 // Sets `to` to the value whose Name() this is.
 template <class Enum, std::size_t n>
@@ -47,28 +84,28 @@ bool ReadCheck(std::string_view name, link::CheckKind& to) {
   return FindNamed(name, kAll, to);
 }
 link::ByteOrder OrderOf(const Json& json) {
-  return json.TextAt("byte_order") == "big" ? link::ByteOrder::kBig : link::ByteOrder::kLittle;
+  return TextAt(json, "byte_order") == "big" ? link::ByteOrder::kBig : link::ByteOrder::kLittle;
 }
 
 std::shared_ptr<const link::Framing> ReadFraming(const Json& json) {
   link::CheckKind check{};
-  if (!ReadCheck(json.TextAt("check"), check)) return nullptr;
-  const std::string_view type = json.TextAt("type");
+  if (!ReadCheck(TextAt(json, "check"), check)) return nullptr;
+  const std::string_view type = TextAt(json, "type");
   if (type == "hdlc") return link::MakeHdlcFraming(check);
   if (type == "cobs") return link::MakeCobsFraming(check);
-  const Json* sync = json.Find("sync");
+  const Json* sync = Find(json, "sync");
   if (type != "length_prefixed" || sync == nullptr) return nullptr;
   link::LengthFormat format;
-  format.length_bytes = json.TextAt("length") == "u16" ? 2 : 1;
-  for (const Json& byte : sync->items) format.sync.push_back(byte.As<std::uint8_t>().value_or(0));
+  format.length_bytes = TextAt(json, "length") == "u16" ? 2 : 1;
+  for (const Json& byte : *sync) format.sync.push_back(NumberOf<std::uint8_t>(byte).value_or(0));
   if (format.sync.empty() || format.sync.size() > link::LengthHeader::kSyncBytesMax) return nullptr;
   return link::MakeLengthFraming(format, check);
 }
 
 bool ReadField(const Json& json, MessageField& field) {
-  field.signal = json.TextAt("signal");
-  const auto min = json.NumberAt<double>("min"), max = json.NumberAt<double>("max"),
-             scale = json.NumberAt<double>("scale");
+  field.signal = TextAt(json, "signal");
+  const auto min = NumberAt<double>(json, "min"), max = NumberAt<double>(json, "max"),
+             scale = NumberAt<double>(json, "scale");
   if (field.signal.empty() || !min || !max || !scale || !(*scale > 0)) return false;
   field.min = *min;
   field.max = *max;
@@ -76,29 +113,31 @@ bool ReadField(const Json& json, MessageField& field) {
   field.order = OrderOf(json);
   if (field.signal == "sequence") field.content = link::FieldContent::kSequence;
   if (field.signal == "time_us") field.content = link::FieldContent::kTimeUs;
-  if (json.TextAt("as") == "share") field.as = link::ThrustUnit::kShare;
-  if (json.TextAt("as") == "share_of_speed") field.as = link::ThrustUnit::kShareOfSpeed;
-  return ReadType(json.TextAt("type"), field.type);
+  if (TextAt(json, "as") == "share") field.as = link::ThrustUnit::kShare;
+  if (TextAt(json, "as") == "share_of_speed") field.as = link::ThrustUnit::kShareOfSpeed;
+  return ReadType(TextAt(json, "type"), field.type);
 }
 
 bool ReadMessage(const Json& json, MessageType& type) {
-  type.name = json.TextAt("name");
-  type.reply = json.TextAt("reply");
-  type.starts = json.IsTrueAt("starts");
-  type.period_ns = json.NumberAt<TimeNs>("period_ns").value_or(0);
-  type.direction = json.TextAt("line") == "reference" ? link::Direction::kReference
-                   : json.TextAt("from") == "client"  ? link::Direction::kToPlant
-                                                      : link::Direction::kToClient;
+  type.name = TextAt(json, "name");
+  type.reply = TextAt(json, "reply");
+  const Json* starts = Find(json, "starts");
+  type.starts = starts != nullptr && *starts == true;
+  type.period_ns = NumberAt<TimeNs>(json, "period_ns").value_or(0);
+  type.direction = TextAt(json, "line") == "reference" ? link::Direction::kReference
+                   : TextAt(json, "from") == "client"  ? link::Direction::kToPlant
+                                                       : link::Direction::kToClient;
   static constexpr std::array kKinds = {MessageKind::kStart, MessageKind::kRequest, MessageKind::kActuators,
                                         MessageKind::kReply, MessageKind::kReference};
-  FindNamed(json.TextAt("role"), kKinds, type.kind);  // any other has no meaning for a client
-  if (const Json* id = json.Find("id"); id != nullptr && id->kind == Json::Kind::kObject) {
-    type.id = link::MessageId{.order = OrderOf(*id), .bits = id->NumberAt<std::uint32_t>("bits").value_or(0)};
-    if (!ReadType(id->TextAt("type"), type.id->type)) return false;
+  FindNamed(TextAt(json, "role"), kKinds, type.kind);  // any other has no meaning for a client
+  if (const Json* id = Find(json, "id"); id != nullptr && id->is_object()) {
+    type.id =
+        link::MessageId{.order = OrderOf(*id), .bits = NumberAt<std::uint32_t>(*id, "bits").value_or(0)};
+    if (!ReadType(TextAt(*id, "type"), type.id->type)) return false;
   }
-  const Json* fields = json.Find("fields");
+  const Json* fields = Find(json, "fields");
   if (fields == nullptr || type.name.empty()) return false;
-  for (const Json& field : fields->items)
+  for (const Json& field : *fields)
     if (!ReadField(field, type.fields.emplace_back())) return false;
   type = LayOut(std::move(type));
   return type.payload_bytes <= link::kPayloadBytesMax;
@@ -106,15 +145,15 @@ bool ReadMessage(const Json& json, MessageType& type) {
 
 std::shared_ptr<const link::Protocol> ReadProtocol(const Json& json, double period_s) {
   auto protocol = std::make_shared<link::Protocol>();
-  protocol->name = json.TextAt("name");
-  const Json *framing = json.Find("framing"), *messages = json.Find("messages");
-  if (framing == nullptr || messages == nullptr || messages->items.size() > kMessagesMax) return nullptr;
+  protocol->name = TextAt(json, "name");
+  const Json *framing = Find(json, "framing"), *messages = Find(json, "messages");
+  if (framing == nullptr || messages == nullptr || messages->size() > kMessagesMax) return nullptr;
   protocol->framing = ReadFraming(*framing);
   if (protocol->framing == nullptr) return nullptr;
   protocol->control_period_ns = std::llround(period_s * 1e9);
-  protocol->world = json.TextAt("world") == "ned" ? link::WorldAxes::kNed : link::WorldAxes::kEnu;
-  protocol->body = json.TextAt("body") == "frd" ? link::BodyAxes::kFrd : link::BodyAxes::kFlu;
-  for (const Json& message : messages->items)
+  protocol->world = TextAt(json, "world") == "ned" ? link::WorldAxes::kNed : link::WorldAxes::kEnu;
+  protocol->body = TextAt(json, "body") == "frd" ? link::BodyAxes::kFrd : link::BodyAxes::kFlu;
+  for (const Json& message : *messages)
     if (!ReadMessage(message, protocol->messages.emplace_back())) return nullptr;
   for (const MessageType& type : protocol->messages)
     if (!type.reply.empty() && protocol->Find(type.reply) == nullptr) return nullptr;
@@ -123,10 +162,10 @@ std::shared_ptr<const link::Protocol> ReadProtocol(const Json& json, double peri
 }
 
 // A number of each object of a list.
-bool ReadEach(const Json& list, std::string_view key, std::span<float> into) {
-  if (list.items.size() > into.size()) return false;
-  for (std::size_t i = 0; i < list.items.size(); ++i) {
-    const auto value = list.items[i].NumberAt<float>(key);
+bool ReadEach(const Json& list, const char* key, std::span<float> into) {
+  if (!list.is_array() || list.size() > into.size()) return false;
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const auto value = NumberAt<float>(list[i], key);
     if (!value) return false;
     into[i] = *value;
   }
@@ -135,17 +174,17 @@ bool ReadEach(const Json& list, std::string_view key, std::span<float> into) {
 
 std::vector<std::string> NamesOf(const Json& list) {
   std::vector<std::string> names;
-  for (const Json& item : list.items) names.emplace_back(item.TextAt("name"));
+  for (const Json& item : list) names.emplace_back(TextAt(item, "name"));
   return names;
 }
 
 bool ReadGain(const Json& rows, LqrTable& table) {
-  if (rows.items.size() != table.input_count) return false;
-  for (std::size_t row = 0; row < rows.items.size(); ++row) {
-    const std::vector<Json>& columns = rows.items[row].items;
-    if (columns.size() != table.sensed_count() + kLqrIntegralCount) return false;
+  if (!rows.is_array() || rows.size() != table.input_count) return false;
+  for (std::size_t row = 0; row < rows.size(); ++row) {
+    const Json& columns = rows[row];
+    if (!columns.is_array() || columns.size() != table.sensed_count() + kLqrIntegralCount) return false;
     for (std::size_t column = 0; column < columns.size(); ++column) {
-      const auto value = columns[column].As<float>();
+      const auto value = NumberOf<float>(columns[column]);
       if (!value) return false;
       table.gain[row][column] = *value;
     }
@@ -156,28 +195,29 @@ bool ReadGain(const Json& rows, LqrTable& table) {
 }  // namespace
 
 bool ReadLqrSetup(const char* parameters, LqrSetup& setup) {
-  const std::optional<Json> json = parameters == nullptr ? std::nullopt : ParseJson(parameters);
-  if (!json) return false;
+  if (parameters == nullptr) return false;
+  const Json json = Json::parse(parameters, nullptr, /*allow_exceptions=*/false);
+  if (json.is_discarded()) return false;
   setup = {};
   LqrTable& table = setup.table;
-  const auto period_s = json->NumberAt<double>("control_period_s");
-  const Json *states = json->Find("states"), *inputs = json->Find("inputs"), *gain = json->Find("gain"),
-             *protocol = json->Find("protocol");
+  const auto period_s = NumberAt<double>(json, "control_period_s");
+  const Json *states = Find(json, "states"), *inputs = Find(json, "inputs"), *gain = Find(json, "gain"),
+             *protocol = Find(json, "protocol");
   if (!period_s || !(*period_s > 0) || !(*period_s < 1000) || states == nullptr || inputs == nullptr ||
       gain == nullptr || protocol == nullptr)
     return false;
-  const std::size_t state_count = states->items.size();
-  if (state_count < 12 || state_count % 2 != 0 || inputs->items.empty() ||
+  const std::size_t state_count = states->size();
+  if (state_count < 12 || state_count % 2 != 0 || inputs->empty() ||
       !ReadEach(*states, "hover", table.hover_state) || !ReadEach(*inputs, "hover", table.hover_input) ||
       !ReadEach(*inputs, "min", table.input_min) || !ReadEach(*inputs, "max", table.input_max))
     return false;
   table.period_s = static_cast<float>(*period_s);
   table.hinge_count = state_count / 2 - 6;
-  table.input_count = inputs->items.size();
+  table.input_count = inputs->size();
   setup.states = NamesOf(*states);
   setup.inputs = NamesOf(*inputs);
-  setup.rates = json->TextAt("angular_rates") == "body"    ? RatesAxes::kBody
-                : json->TextAt("angular_rates") == "euler" ? RatesAxes::kEuler
+  setup.rates = TextAt(json, "angular_rates") == "body"    ? RatesAxes::kBody
+                : TextAt(json, "angular_rates") == "euler" ? RatesAxes::kEuler
                                                            : RatesAxes::kWorld;
   setup.protocol = ReadProtocol(*protocol, *period_s);
   if (setup.protocol == nullptr) return false;

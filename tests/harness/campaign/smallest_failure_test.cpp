@@ -311,6 +311,17 @@ TEST(MinimiseFailure, APathThatDoesNotMatterBecomesAHover) {
   }
 }
 
+TEST(MinimiseFailure, NoiseThatDoesNotMatterIsLeftOut) {
+  for (const bool matters : {false, true})
+    for (const bool exists : {false, true}) {
+      Planted planted{WithFaults(1),
+                      [&](const Scenario& scenario) { return !matters || scenario.sensor_noise; }};
+      const SmallestFailure found = MinimiseFailure(planted.scenario, TiltRotorSignals(), planted.evaluate(),
+                                                    {.has_sensor_noise = exists});
+      EXPECT_EQ(found.scenario.sensor_noise, matters || !exists);
+    }
+}
+
 // Forty faults, of which two are needed together, each with a window and a severity of its own.
 TEST(MinimiseFailure, FortyFaultsInTwoHundredFlights) {
   faults::Random random(7);

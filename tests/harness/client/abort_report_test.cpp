@@ -38,5 +38,27 @@ TEST(AbortReport, NamesThePlaceOfAnAssertionAndNoneOfADamagedHeap) {
   EXPECT_EQ(report.place(), "") << "the last report counts";
 }
 
+TEST(AbortReport, NamesTheInnermostPlaceOfAPythonException) {
+  AbortReport report;
+  for (const char* line :
+       {"Traceback (most recent call last):", "  File \"/mine/fw.py\", line 40, in <module>", "    main()",
+        "  File \"/mine/law.py\", line 7, in step", "    return 1 / x",
+        "ZeroDivisionError: division by zero"})
+    report.Look(line);
+  EXPECT_EQ(report.text(), "ZeroDivisionError: division by zero at /mine/law.py:7");
+  EXPECT_EQ(report.place(), "/mine/law.py:7");
+  report.Look("printed later");
+  EXPECT_EQ(report.place(), "/mine/law.py:7");
+}
+
+TEST(AbortReport, NamesThePlacesOfRustAndAda) {
+  AbortReport report;
+  report.Look("thread 'main' panicked at 'index out of bounds', src/main.rs:31:9");
+  EXPECT_EQ(report.place(), "src/main.rs:31:9");
+  report.Look("raised CONSTRAINT_ERROR : law.adb:12 range check failed");
+  EXPECT_EQ(report.place(), "law.adb:12");
+  EXPECT_EQ(report.text(), "raised CONSTRAINT_ERROR : law.adb:12 range check failed");
+}
+
 }  // namespace
 }  // namespace tiltproof::harness

@@ -87,16 +87,6 @@ RunLog FlyOver(const std::shared_ptr<const link::Framing>& framing,
              }});
 }
 
-faults::FaultSpec OnFrames(const char* type, std::map<std::string, faults::ParameterValue> parameters) {
-  faults::FaultSpec fault;
-  fault.id = "fault";
-  fault.type = type;
-  fault.target = faults::Target::kBoth;
-  fault.start_ns = kNsPerS;
-  fault.parameters = std::move(parameters);
-  return fault;
-}
-
 TEST(FramingFlight, TheSameMessagesFlyTheSameFlight) {
   std::vector<std::string> hashes;
   for (const std::vector<faults::FaultSpec>& faults :

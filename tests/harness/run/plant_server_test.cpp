@@ -165,6 +165,23 @@ TEST(PlantServer, SensorsOfTheFileAreColumnsBeforeAndAfterTheirFaults) {
   EXPECT_NEAR(row.values[column("sensed_gnss_lat_deg")], 47.397742, 1e-9);
 }
 
+TEST(PlantServer, WithoutNoiseNothingOfTheSensorsFollowsFromTheSeed) {
+  Scenario scenario;
+  scenario.sensor_noise = false;
+  TraceLayout layout(Model().signals(), scenario);
+  const auto fly = [&](std::uint64_t seed) {
+    scenario.seed = seed;
+    return RowsWithSensors(scenario, layout);
+  };
+  const std::vector<record::Row> first = fly(1), other = fly(2);
+  ASSERT_EQ(first.size(), other.size());
+  for (std::size_t r = 0; r < first.size(); ++r)
+    for (std::size_t i = 0; i < layout.sensed; ++i) ASSERT_EQ(first[r].values[i], other[r].values[i]) << i;
+  // The vehicle hovers: the noise of 0.01 m/s^2 would be seen.
+  const std::size_t acc_x = layout.columns.Find("acc_x_m_s2").value();
+  EXPECT_NEAR(first.at(40).values[acc_x], first.at(41).values[acc_x], 1e-6);
+}
+
 TEST(PlantServer, TheSeedDecidesTheNoiseOfSensorsAndNothingElse) {
   Scenario scenario;
   TraceLayout layout(Model().signals(), scenario);

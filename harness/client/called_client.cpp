@@ -1,0 +1,109 @@
+#include "harness/client/called_client.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "link/overloaded.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// Looking for output takes a while.
+constexpr TimeNs kLogPeriod = 12 * kNsPerMs;
+
+}  // namespace
+
+BootTime CalledClient::Start(BootTime now) {
+  const BootTime wake = clock_.When(StartFirmware(clock_.At(now)));
+  LogOutput(now);
+  return wake;
+}
+
+void CalledClient::Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
+                           std::span<const faults::ReceiveMark> /*marks*/) {
+  if (!in_reset_) ReceiveInFirmware(uart, clock_.At(arrival), bytes);
+}
+
+BootTime CalledClient::Grant(BootTime now, BootTime /*horizon*/) {
+  for (; !clock_events_.empty() && now >= clock_events_.front().time_ns; clock_events_.pop_front())
+    host_.event(clock_events_.front());
+  // Resets that begin while it is held hold it until the last has ended.
+  for (; !resets_.empty() && now >= resets_.front().begin; resets_.pop_front()) {
+    in_reset_ = true;
+    held_until_ = std::max(held_until_, resets_.front().end);
+    host_.event({.time_ns = now,
+                 .fault = resets_.front().fault,
+                 .kind = kResetEvent,
+                 .text = "reset, and held until it has booted"});
+  }
+  if (!in_reset_) {
+    wake_ns_ = Run(now);
+  } else if (now < held_until_) {
+    wake_ns_ = held_until_;
+  } else {
+    in_reset_ = false;
+    host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
+    wake_ns_ = clock_.When(ResetFirmware(clock_.At(now)));
+  }
+  if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
+  return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
+}
+
+// Until when it waits.
+BootTime CalledClient::Run(BootTime now) {
+  if (const auto hold = task_delays_.At(now)) {
+    if (std::exchange(task_held_until_, hold->until) != hold->until)
+      host_.event({.time_ns = now,
+                   .fault = hold->fault,
+                   .kind = "task_delayed",
+                   .text = fmt::format("held for {:.6g} ms", ToSeconds(hold->until - now) * 1e3)});
+    return hold->until;
+  }
+  return clock_.When(RunFirmware(clock_.At(now)));
+}
+
+void CalledClient::Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
+  const auto refuse = [] {
+    throw std::logic_error("a library or a program was given a command that it cannot carry out");
+  };
+  clock_events_ = clock_.Follow(commands, origin);
+  task_delays_ = TaskDelays(commands, origin);
+  for (const faults::DeviceCommand& command : commands)
+    std::visit(Overloaded{[&](const faults::ResetProcessor&) {
+                            resets_.push_back({origin.ToBootTime(command.at_ns),
+                                               origin.ToBootTime(command.until_ns), command.fault});
+                          },
+                          [&](const faults::ResetByWatchdog&) { refuse(); },
+                          [&](const faults::HangProcessor&) { refuse(); },
+                          [&](const faults::StallProcessor&) { refuse(); },
+                          [&](const faults::FlipBits&) { refuse(); },
+                          // In force already, in task_delays_ and clock_.
+                          [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {},
+                          [](const faults::JumpClock&) {}},
+               command.action);
+}
+
+std::optional<ClientStatus> CalledClient::Status() {
+  LogAllOutput();
+  return AskStatus();
+}
+
+ClientSample CalledClient::Sample() {
+  const auto status = AskStatus();
+  return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt, .watched = {}};
+}
+
+void CalledClient::LogOutput(BootTime now) {
+  logged_ns_ = now;
+  TakeOutput(false);
+}
+
+void CalledClient::LogLine(const std::string& line) {
+  report_.Look(line);
+  host_.log(logged_ns_, line);
+}
+
+}  // namespace tiltproof::harness

@@ -1,0 +1,75 @@
+// A client that acts only when it is called: a library, or a program that answers messages. What both have in common is
+// here: its clock, which a fault may falsify, the resets and delays that faults command, and its output.
+//
+//   class Echo : public CalledClient { ... };
+//   Echo echo(host);
+//   echo.Command(faults::DeviceCommands(scenario.faults, scenario.seed), origin);
+//   const BootTime wake = echo.Grant(now, now);   // calls RunFirmware() at what its clock shows, unless it is held
+#pragma once
+
+#include <deque>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "harness/client/client.h"
+#include "harness/client/device_clock.h"
+#include "harness/client/sanitizer.h"
+#include "harness/client/task_delays.h"
+
+namespace tiltproof::harness {
+
+class CalledClient : public Client {
+ public:
+  explicit CalledClient(ClientHost host) : host_(std::move(host)) {}
+
+  BootTime Start(BootTime now) final;
+  void Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
+               std::span<const faults::ReceiveMark> marks) final;
+  BootTime Grant(BootTime now, BootTime horizon) final;
+  // It can be reset or run late, and its clock can be wrong; all other faults of a device are refused before the flight.
+  void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) final;
+  std::optional<ClientStatus> Status() final;
+  ClientSample Sample() final;
+
+ protected:
+  // Calls into the firmware, at what its clock shows. Those with a result return until when it waits.
+  virtual TimeNs StartFirmware(TimeNs shown) = 0;
+  virtual void ReceiveInFirmware(Uart uart, TimeNs shown, std::span<const std::uint8_t> bytes) = 0;
+  virtual TimeNs RunFirmware(TimeNs shown) = 0;
+  virtual TimeNs ResetFirmware(TimeNs shown) = 0;
+  virtual std::optional<ClientStatus> AskStatus() = 0;
+  // Passes complete lines of its output to LogLine(), or also what has no end yet.
+  virtual void TakeOutput(bool all) = 0;
+
+  const ClientHost& host() const { return host_; }
+  const DeviceClock& clock() const { return clock_; }
+  AbortReport& report() { return report_; }  // in its output
+  const AbortReport& report() const { return report_; }
+
+  // Writes to the log what it has printed by now, or all of it when it has ended.
+  void LogOutput(BootTime now);
+  void LogAllOutput() { TakeOutput(true); }
+  void LogLine(const std::string& line);
+
+ private:
+  struct Reset {
+    BootTime begin, end;
+    std::size_t fault;
+  };
+  BootTime Run(BootTime now);
+
+  ClientHost host_;
+  AbortReport report_;
+  std::deque<Reset> resets_;              // to come, by begin
+  DeviceClock clock_;                     // by which it lives; all other times here are true
+  std::deque<DeviceEvent> clock_events_;  // to be reported when they happen, in order
+  TaskDelays task_delays_;
+  BootTime task_held_until_;
+  bool in_reset_ = false;
+  BootTime held_until_;
+  BootTime wake_ns_ = BootTime::Never();
+  BootTime logged_ns_;
+};
+
+}  // namespace tiltproof::harness

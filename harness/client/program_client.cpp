@@ -1,0 +1,170 @@
+#include "harness/client/program_client.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <type_traits>
+#include <utility>
+
+#include "firmware/tiltproof_program.h"
+#include "harness/client/called_client.h"
+#include "harness/terminal/terminal.h"
+
+namespace tiltproof::harness {
+namespace {
+
+class ProgramClient final : public CalledClient {
+ public:
+  ProgramClient(const ProgramSpec& spec, const ProgramHello& hello, ClientHost host)
+      : CalledClient(std::move(host)), process_(spec, [this](const std::string& line) { OnLine(line); }) {
+    AppendHello(hello, out_);
+    Guarded([&] {
+      SendExchange("hello");
+      const ProgramMessage answer = process_.Next();
+      if (answer.kind == ProgramMessage::Kind::kRefused)
+        throw std::runtime_error(fmt::format("program:{} cannot be firmware '{}' with dialect '{}': {}",
+                                             spec.command, hello.firmware, hello.dialect, answer.text));
+      if (answer.kind != ProgramMessage::Kind::kReady)
+        throw FirmwareTrouble(
+            false, "the firmware broke the protocol of docs/program.md: its first message is not `ready`");
+      if (answer.version != TILTPROOF_PROGRAM_VERSION)
+        throw std::runtime_error(
+            fmt::format("program:{} speaks version {} of docs/program.md, this tiltproof version {}",
+                        spec.command, answer.version, TILTPROOF_PROGRAM_VERSION));
+      tells_status_ = answer.tells_status;
+    });
+  }
+
+  ~ProgramClient() override {
+    if (const auto trouble = End())
+      Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble->what());
+  }
+
+  std::optional<FirmwareTrouble> End() override {
+    over_ = true;
+    if (std::exchange(lost_, true)) return std::nullopt;
+    try {
+      out_.clear();
+      AppendEnd(out_);
+      process_.Send(out_, "end");
+    } catch (const FirmwareTrouble&) {
+      // It ended before: how shows below.
+    }
+    const auto trouble = process_.AwaitEnd();
+    return trouble ? std::optional(Explained(*trouble)) : std::nullopt;
+  }
+
+ private:
+  TimeNs StartFirmware(TimeNs shown) override { return RunFirmware(shown); }
+  // They leave with the next grant, which follows at the same time.
+  void ReceiveInFirmware(Uart uart, TimeNs shown, std::span<const std::uint8_t> bytes) override {
+    AppendBytes(static_cast<int>(uart), shown, bytes, !clock().is_true(), out_);
+  }
+  TimeNs RunFirmware(TimeNs shown) override {
+    AppendGrant(shown, !clock().is_true(), out_);
+    return Exchange("grant");
+  }
+  TimeNs ResetFirmware(TimeNs shown) override {
+    // Bytes that the receivers held are lost.
+    out_.clear();
+    AppendReset(shown, !clock().is_true(), out_);
+    return Exchange("reset");
+  }
+  std::optional<ClientStatus> AskStatus() override {
+    return tells_status_ && !lost_ ? std::optional(status_) : std::nullopt;
+  }
+  void TakeOutput(bool all) override { process_.TakeOutput(all); }
+  void OnLine(const std::string& line) {
+    if (over_) {
+      report().Look(line);
+    } else {
+      LogLine(line);
+    }
+  }
+
+  void SendExchange(const char* what) {
+    process_.Send(out_, what);
+    out_.clear();
+  }
+
+  TimeNs Exchange(const char* what) {
+    return Guarded([&] {
+      SendExchange(what);
+      for (;;) {
+        const ProgramMessage message = process_.Next();
+        if (message.kind == ProgramMessage::Kind::kWaiting) return std::max<TimeNs>(message.time_ns, 0);
+        Take(message, what);
+      }
+    });
+  }
+
+  void Take(const ProgramMessage& message, const char* what) {
+    const BootTime when = clock().When(std::max<TimeNs>(message.time_ns, 0));
+    switch (message.kind) {
+      case ProgramMessage::Kind::kTransmit: {
+        const BootTime sent = host().transmit(static_cast<Uart>(message.number), when, message.bytes);
+        if (!message.ask) return;
+        std::vector<std::uint8_t> answer;
+        AppendSent(message.number, clock().At(sent), answer);
+        process_.Answer(answer);
+        return;
+      }
+      case ProgramMessage::Kind::kStatus:
+        status_ = {message.supervisor_state, message.failsafe_count};
+        return;
+      case ProgramMessage::Kind::kRole:
+        return;
+      case ProgramMessage::Kind::kLog:
+        // Earlier output comes first.
+        LogOutput(when);
+        host().log(when, message.text);
+        return;
+      default:
+        throw FirmwareTrouble(
+            false, fmt::format(
+                       "the firmware broke the protocol of docs/program.md in {}: kind {} has no place there",
+                       what, static_cast<int>(message.kind)));
+    }
+  }
+
+  // After a failure the program's state is unknown: it hears nothing more.
+  template <class Function>
+  std::invoke_result_t<const Function&> Guarded(const Function& function) {
+    try {
+      return function();
+    } catch (const FirmwareTrouble& trouble) {
+      lost_ = true;
+      LogAllOutput();
+      throw trouble.hung ? trouble : Explained(trouble);
+    } catch (...) {
+      lost_ = true;
+      throw;
+    }
+  }
+
+  // Adds what it printed about its end, and the place that this names.
+  FirmwareTrouble Explained(const FirmwareTrouble& trouble) const {
+    FirmwareEnd end = trouble.end;
+    if (report().names_place()) end.place = report().place();
+    return {trouble.hung,
+            report().text().empty() ? trouble.what() : fmt::format("{}: {}", trouble.what(), report().text()),
+            end};
+  }
+
+  std::vector<std::uint8_t> out_;  // of the next exchange
+  bool tells_status_ = false;
+  ClientStatus status_;
+  bool lost_ = false;
+  bool over_ = false;
+  ProgramProcess process_;
+};
+
+}  // namespace
+
+std::unique_ptr<Client> StartProgramClient(const ProgramSpec& spec, const ProgramHello& hello,
+                                           ClientHost host) {
+  return std::make_unique<ProgramClient>(spec, hello, std::move(host));
+}
+
+}  // namespace tiltproof::harness
