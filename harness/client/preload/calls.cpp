@@ -111,14 +111,15 @@ long EpollWait(const Call& call, std::int64_t deadline_ns, const std::uint64_t* 
 }
 
 // The kernel overwrites the sets, so that each trial needs the wanted ones again.
+constexpr std::size_t kSetBytesMax = 1024;  // on a thread's stack
 struct SelectTrial : Trial {
-  unsigned char wanted[3][8192];
+  unsigned char wanted[3][kSetBytesMax];
   std::size_t size;
 };
 
 long AttemptSelect(Trial& raw) {
   auto& trial = static_cast<SelectTrial&>(raw);
-  unsigned char found[3][8192];
+  unsigned char found[3][kSetBytesMax];
   void* sets[3];
   for (int i = 0; i < 3; ++i) {
     sets[i] = trial.call->a[1 + i] == 0 ? nullptr : found[i];
@@ -135,7 +136,7 @@ long Select(const Call& call, std::int64_t deadline_ns, const std::uint64_t* mas
   SelectTrial trial;
   trial.attempt = AttemptSelect;
   trial.call = &call;
-  if (call.a[0] < 0 || call.a[0] > 65536) return -EINVAL;
+  if (call.a[0] < 0 || call.a[0] > static_cast<long>(8 * kSetBytesMax)) return -EINVAL;
   trial.size = (static_cast<std::size_t>(call.a[0]) + 63) / 64 * 8;
   for (int i = 0; i < 3; ++i)
     if (call.a[1 + i] != 0) std::memcpy(trial.wanted[i], As<void>(call.a[1 + i]), trial.size);
@@ -331,15 +332,19 @@ long SetMask(const Call& call) {
 }
 
 long AwaitSignal(const Call& call) {
-  Trial trial = {[](Trial& own) {
-                   const timespec none = {0, 0};
-                   const long signal =
-                       Kernel(SYS_rt_sigtimedwait, own.call->a[0], own.call->a[1], &none, own.call->a[3]);
-                   return signal == -EAGAIN ? 0 : signal;
-                 },
-                 &call, 0};
-  const long signal = TryUntil(trial, After(As<const timespec>(call.a[2])), nullptr);
-  return signal == 0 ? -EAGAIN : signal;
+  const std::int64_t deadline_ns = After(As<const timespec>(call.a[2]));
+  const timespec none = {0, 0};
+  const auto take = [&] { return Kernel(SYS_rt_sigtimedwait, call.a[0], call.a[1], &none, call.a[3]); };
+  if (const long signal = take(); signal != -EAGAIN) return signal;
+  if (deadline_ns <= Now()) {
+    CountFutile(kFutileCall);
+    return -EAGAIN;
+  }
+  // Only the thread itself can take a signal that was sent to it.
+  if (WaitForSignal(deadline_ns, *As<const std::uint64_t>(call.a[0]), call.context) == Woken::kByDeadline)
+    return -EAGAIN;
+  const long signal = take();
+  return signal == -EAGAIN ? -EINTR : signal;
 }
 
 long Pause(const Call& call, const std::uint64_t* mask) {
@@ -348,9 +353,13 @@ long Pause(const Call& call, const std::uint64_t* mask) {
   return -EINTR;
 }
 
+// A signal to the process itself (kill), or to one of its threads (tgkill).
 long Kill(const Call& call) {
   const long result = Pass(call);
-  if (result == 0 && call.a[2] != 0) InterruptFor(static_cast<int>(call.a[2]), static_cast<int>(call.a[1]));
+  const bool to_thread = call.number == SYS_tgkill;
+  const long signal = call.a[to_thread ? 2 : 1];
+  if (result == 0 && signal != 0 && call.a[0] == Kernel(SYS_getpid))
+    InterruptFor(static_cast<int>(signal), to_thread ? static_cast<int>(call.a[1]) : 0);
   return result;
 }
 
@@ -589,6 +598,8 @@ long Dispatch(const Call& call) {
       return SetMask(call);
     case SYS_rt_sigaction:
       return SetAction(call);
+    case SYS_kill:
+    case SYS_rt_sigqueueinfo:
     case SYS_tgkill:
       return Kill(call);
     case SYS_exit:

@@ -117,6 +117,8 @@ constexpr int kTrapped[] = {
     SYS_exit,
     SYS_exit_group,
     SYS_tgkill,
+    SYS_kill,
+    SYS_rt_sigqueueinfo,
     SYS_socket,
     SYS_mq_timedreceive,
     SYS_mq_timedsend,

@@ -29,7 +29,8 @@ struct Thread {
   std::int64_t deadline_ns;
   CheckFunction check;
   void* argument;
-  ucontext_t* context;  // of the system call that waits; null: signals do not end it
+  ucontext_t* context;    // of the system call that waits; null: signals do not end it
+  std::uint64_t awaited;  // signals
   const void* futex;
   std::uint32_t bits, value;
   bool owns;  // the futex's word names its owner (a priority-inheriting lock)
@@ -51,6 +52,7 @@ void MakeReady(Thread& thread, Woken woken) {
   thread.since = ++order;
   thread.woken = woken;
   thread.futex = nullptr;
+  thread.awaited = 0;
 }
 
 // The one that has been in this state for the longest.
@@ -201,6 +203,11 @@ Woken Wait(std::int64_t deadline_ns, CheckFunction check, void* argument, uconte
   return thread.woken;
 }
 
+Woken WaitForSignal(std::int64_t deadline_ns, std::uint64_t mask, ucontext_t* context) {
+  self->awaited = mask;
+  return Wait(deadline_ns, nullptr, nullptr, context);
+}
+
 void Yield() {
   CountFutile(kFutileCall);
   MakeReady(*self, Woken::kByCheck);
@@ -224,7 +231,7 @@ void InterruptFor(int signal, int tid) {
     std::uint64_t blocked = 0;
     if (thread.context == nullptr) return false;
     std::memcpy(&blocked, &thread.context->uc_sigmask, sizeof blocked);
-    return (blocked & mask) == 0 && (tid == 0 || thread.tid == tid);
+    return ((blocked & mask) == 0 || (thread.awaited & mask) != 0) && (tid == 0 || thread.tid == tid);
   });
   if (next != nullptr) MakeReady(*next, Woken::kBySignal);
 }
@@ -364,8 +371,7 @@ void* RunThread(void* raw) {
   __atomic_store_n(&self->tid, static_cast<int>(Kernel(SYS_gettid)), __ATOMIC_RELEASE);
   AwaitTurn(*self);
   AfterDeparture();
-  while (self->state != State::kReady || FirstReady() != self) GiveWay(*self);
-  self->state = State::kRunning;
+  GiveWay(*self);
   return start.function(start.argument);
 }
 

@@ -41,6 +41,8 @@ void BeginThreads(const Surroundings& surroundings, std::int64_t now_ns);
 // True: the calling thread is one that Wait() knows.
 bool IsKnownThread();
 Woken Wait(std::int64_t deadline_ns, CheckFunction check, void* argument, ucontext_t* context);
+// The same for a signal of the mask, which the thread blocks; kBySignal: it, or another one, may be pending.
+Woken WaitForSignal(std::int64_t deadline_ns, std::uint64_t mask, ucontext_t* context);
 // The others that are ready run first.
 void Yield();
 // The calling thread ends now: another one runs, and SYS_exit must follow.
@@ -49,7 +51,8 @@ void LeaveThread();
 // Futexes (futex(2)): the kernel's locks under all those of the C library.
 long Futex(const long (&arguments)[6], ucontext_t* context);
 
-// A signal has been sent to this process, or with a `tid` to a thread: a thread that does not block it stops waiting.
+// A signal has been sent to this process, or with a `tid` to a thread: a thread that does not block it, or waits for it, stops
+// waiting.
 void InterruptFor(int signal, int tid);
 
 // Counts a call that got the program nowhere, as it does when it spins; refuses the program when there are too many in an
