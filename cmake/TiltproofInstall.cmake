@@ -22,7 +22,7 @@ endif()
 
 install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTERN *.sdf PATTERN *.tiltproof.xml)
 install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf PATTERN *.csv)
-install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE)
+install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN posix_c/CMakeLists.txt EXCLUDE)
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)

@@ -205,7 +205,8 @@ void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& 
       if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), DialectOf(*scenario.link.protocol))))
         complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
                              ToText(spec)));
-    } else if (!std::holds_alternative<LockstepProgram>(spec)) {  // it says so when it runs
+    } else if (const auto* program = std::get_if<LockstepProgram>(&spec);
+               program == nullptr || program->clocked) {  // one that speaks the protocol says so when it runs
       complain(fmt::format("the client {} does not report its state", ToText(spec)));
     }
   }

@@ -21,9 +21,8 @@ namespace tiltproof::harness {
 namespace {
 
 // Those that start the program are not it (harness/client/preload/preload.cpp has the same ones).
-constexpr std::array<std::string_view, 12> kLaunchers = {"sh",     "dash",    "bash",    "busybox",
-                                                         "env",    "nice",    "ionice",  "taskset",
-                                                         "timeout", "stdbuf", "setarch", "chrt"};
+constexpr std::array<std::string_view, 11> kLaunchers = {
+    "sh", "dash", "bash", "busybox", "env", "nice", "ionice", "taskset", "stdbuf", "setarch", "chrt"};
 
 bool IsLauncher(const std::filesystem::path& file) {
   return std::find(kLaunchers.begin(), kLaunchers.end(), file.filename().string()) != kLaunchers.end();
@@ -47,7 +46,8 @@ std::string ProgramWord(const std::string& command) {
     // Only the part before such a character is plain: enough when the program is in it.
     const std::size_t end = command.find_first_of("\"'\\$`;&|<>()*?[#~\n");
     const std::size_t space = command.find_last_of(' ', end);
-    if (space == std::string::npos || command[end] == ';' || command[end] == '&' || command[end] == '|') return "";
+    if (space == std::string::npos || command[end] == ';' || command[end] == '&' || command[end] == '|')
+      return "";
     return ProgramWord(command.substr(0, space));
   }
   std::istringstream words(command);
@@ -93,14 +93,16 @@ std::optional<std::string> MistakeOf(const std::filesystem::path& file, int dept
     std::getline(text, line);
     return ScriptMistake(line, depth);
   }
-  if ((status.st_mode & (S_ISUID | S_ISGID)) != 0 || getxattr(file.c_str(), "security.capability", nullptr, 0) > 0)
+  if ((status.st_mode & (S_ISUID | S_ISGID)) != 0 ||
+      getxattr(file.c_str(), "security.capability", nullptr, 0) > 0)
     return fmt::format(
         "{} is set-user-ID, set-group-ID or has capabilities, so that the linker preloads nothing into it; "
         "use a copy without (cp)",
         file.string());
   if (!begin.starts_with(ELFMAG) || begin.size() < sizeof header) return std::nullopt;
   if (header.e_ident[EI_CLASS] != ELFCLASS64 || header.e_machine != EM_X86_64)
-    return fmt::format("{} is not for this processor, x86-64; the virtual clock holds no other", file.string());
+    return fmt::format("{} is not for this processor, x86-64; the virtual clock holds no other",
+                       file.string());
   if (!HasInterpreter(in, header))
     return fmt::format(
         "{} is statically linked, so that the virtual clock cannot be loaded into it; link it dynamically "
@@ -110,6 +112,17 @@ std::optional<std::string> MistakeOf(const std::filesystem::path& file, int dept
 }
 
 }  // namespace
+
+std::string Executed(const std::string& command) {
+  for (std::size_t i = 0; i < command.size(); ++i) {
+    const bool redirects = command[i] == '&' && i > 0 && command[i - 1] == '>';
+    if (std::strchr(";&|()`\n", command[i]) != nullptr && !redirects) return command;
+  }
+  std::istringstream words(command);
+  std::string word, before;
+  while (words >> word && word.find('=') != std::string::npos) before = "env ";
+  return word == "exec" || Found(word).empty() ? command : "exec " + before + command;
+}
 
 std::filesystem::path ClockLibrary() { return ShippedLibrary("libtiltproof_clock.so"); }
 

@@ -24,4 +24,8 @@ std::filesystem::path ClockLibrary();
 // harness then find it out). Looks at files only.
 std::optional<std::string> ClockMistake(const std::string& command);
 
+// The command, with `exec` in front where it is a single one: the clock holds the process that a command becomes, and a shell
+// may start it as a child.
+std::string Executed(const std::string& command);
+
 }  // namespace tiltproof::harness

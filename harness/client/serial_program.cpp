@@ -9,8 +9,8 @@
 namespace tiltproof::harness {
 
 std::string CommandOf(const SerialProgram& program) {
-  const std::array<std::string, Program::kPlaceholders.size()> values = {
-      program.port, program.reference_port, std::to_string(program.baud)};
+  const std::array<std::string, Program::kPlaceholders.size()> values = {program.port, program.reference_port,
+                                                                         std::to_string(program.baud)};
   std::string command = program.command;
   for (std::size_t i = 0; i < values.size(); ++i) {
     const std::string place = fmt::format("{{{}}}", Program::kPlaceholders[i]);

@@ -91,7 +91,7 @@ const char* Connect(const char* path) {
   std::strcpy(address.sun_path, path);
   line = AboveOthers(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
   if (line < 0 || connect(line, reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0)
-    return "the harness's socket takes no connection: one program of a command flies, not two";
+    return "the harness's socket takes no connection";
   if (!ReadHello()) return "the harness does not speak this version of the protocol of programs";
   tiltproof_put_u32(Message(TILTPROOF_PROGRAM_READY, 0, 4), TILTPROOF_PROGRAM_VERSION);
   Flush();

@@ -23,8 +23,8 @@ namespace tiltproof::preload {
 namespace {
 
 // Programs that start the firmware, as `sh -c CMD` does: they fly in the machine's time.
-constexpr const char* kLaunchers[] = {"sh",     "dash",    "bash",    "busybox", "env",     "nice",
-                                      "ionice", "taskset", "timeout", "stdbuf",  "setarch", "chrt"};
+constexpr const char* kLaunchers[] = {"sh",     "dash",    "bash",   "busybox", "env", "nice",
+                                      "ionice", "taskset", "stdbuf", "setarch", "chrt"};
 
 bool IsLauncher() {
   char file[4096] = {};
@@ -44,6 +44,8 @@ __attribute__((constructor)) void Begin() {
   const char* const port = std::getenv("TILTPROOF_PORT");
   const char* const reference_port = std::getenv("TILTPROOF_REFERENCE_PORT");
   if (socket == nullptr || *socket == 0 || port == nullptr || reference_port == nullptr) return;
+  // Helpers of a script that starts the firmware (`exec`) are processes of their own, and no firmware.
+  if (getpid() != getpgrp()) return;
   if (IsLauncher()) {
     // The same addresses in each flight: a program may sort by them. Holds from the next exec on.
     personality(static_cast<unsigned long>(personality(0xffffffff)) | ADDR_NO_RANDOMIZE);

@@ -41,7 +41,7 @@ class Flight:
             words = [word.format(port=ports[0], reference_port=ports[1], baud=baud) for word in command]
             with tempfile.TemporaryFile() as output:
                 self.process = subprocess.Popen(["sh", "-c", 'exec "$@"', "sh", *words] if shell else words, env=own, stdout=output, stderr=subprocess.STDOUT,
-                                                stdin=subprocess.DEVNULL)
+                                                stdin=subprocess.DEVNULL, start_new_session=True)
                 deadline = time.monotonic() + wall_s
                 try:
                     while not select.select([listener], [], [], 0.02)[0]:
