@@ -3,6 +3,7 @@
 #   bin/tiltproof                 the program
 #   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the virtual clock, the images for the STM32F4
 #   lib, include/tiltproof        the codec and the firmware for find_package(tiltproof)
+#   lib/python3/dist-packages     the Python module
 #   share/tiltproof               models, scenarios, examples, the interface of the bus
 #   share/doc, man, completions   what is to be read
 include(CMakePackageConfigHelpers)
@@ -22,6 +23,8 @@ endif()
 
 install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTERN *.sdf PATTERN *.tiltproof.xml)
 install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf PATTERN *.csv)
+# Where Debian's Python looks.
+install(DIRECTORY python/tiltproof DESTINATION lib/python3/dist-packages FILES_MATCHING PATTERN *.py PATTERN py.typed PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN posix_c/CMakeLists.txt EXCLUDE)
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
@@ -109,4 +112,6 @@ set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 # Flies the images (--client qemu); tiltproof says so where it is missing.
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS qemu-system-arm)
+# Runs the module; the program does without.
+set(CPACK_DEBIAN_PACKAGE_RECOMMENDS python3)
 include(CPack)

@@ -52,7 +52,10 @@ struct ReceiverInjector {
 struct FaultSchedule::State {
   State(std::size_t fault_count, std::uint64_t seed_in, const Place& place)
       : protocol(place.protocol), recorder(fault_count), seed(seed_in), grows(place.grows) {
-    for (WireFaults& wire : wires) wire.SetRecorder(&recorder);
+    for (WireFaults& wire : wires) {
+      wire.SetRecorder(&recorder);
+      if (grows) wire.Grow();
+    }
     for (LineRate& rate : rates) {
       rate.baud = place.baud;
       rate.character = place.character;
@@ -60,7 +63,7 @@ struct FaultSchedule::State {
     rates[static_cast<std::size_t>(Direction::kReference)].baud = place.reference_baud;
     if (place.signals) {
       signals = *place.signals;
-      vehicle.emplace(signals, place.step_ns, recorder);
+      vehicle.emplace(signals, place.step_ns, recorder, grows);
     }
   }
 
@@ -132,11 +135,9 @@ struct FaultSchedule::State {
 
 FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place)
     : state_(std::make_unique<State>(specs.size(), seed, place)) {
-  std::vector<std::size_t> order;
   std::vector<const FaultType*> types;
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
     types.push_back(&ValidType(specs[fault]));
-    order.push_back(fault);
     state_->activities.emplace_back(specs[fault], WindowOf(specs[fault]));
   }
   state_->followers.resize(specs.size());
@@ -150,13 +151,7 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
           Concat({"fault '", specs[fault].id, "', after.fault: there is no fault '", after->fault, "'"}));
     state_->followers[static_cast<std::size_t>(followed - specs.begin())].push_back(fault);
   }
-  const auto layer = [&types](std::size_t fault) {
-    const auto* wire = types[fault]->As<WireKind>();
-    return wire != nullptr ? wire->wire_layer : WireLayer{};
-  };
-  std::stable_sort(order.begin(), order.end(),
-                   [&layer](std::size_t a, std::size_t b) { return layer(a) < layer(b); });
-  for (const std::size_t fault : order) {
+  for (std::size_t fault = 0; fault < specs.size(); ++fault) {
     const std::string& whose = specs[fault].client;
     if (!place.client.empty() && !whose.empty() && whose != place.client) continue;
     std::visit(
@@ -269,6 +264,7 @@ void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
   marks.assign(bytes.size(), ReceiveMark::kNone);
   const LineRate& rate = state_->rates[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
+  if (state_->receivers.empty()) number += bytes.size();  // one may be added
   for (std::size_t i = 0; i < bytes.size() && !state_->receivers.empty(); ++i, ++number) {
     const BootTime arrival = last_arrival - rate.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {

@@ -59,8 +59,9 @@ class FaultSchedule {
   FaultSchedule(FaultSchedule&&) noexcept;
   FaultSchedule& operator=(FaultSchedule&&) noexcept;
 
-  // One more fault, which acts after all others and depends on the clock alone. Its index is the next. Only in a
-  // schedule that grows. Throws as the constructor does.
+  // One more fault, which depends on the clock alone. Its index is the next. It acts as if the schedule had been made with
+  // it behind the others, if its window begins after all that has passed so far. Only in a schedule that grows. Throws as
+  // the constructor does.
   void Add(const FaultSpec& spec);
 
   // The filter of one direction; null when no fault acts there, and none can come. Lives as long as the schedule, even if that

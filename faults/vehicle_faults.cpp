@@ -97,15 +97,35 @@ std::unique_ptr<SensorModel> MakeSensorModel(const SensorKind& kind, const Signa
 
 void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
   const SignalSetup setup{entry.parameters, signals_, entry.stream};
-  sensors_.push_back({Injector(entry), kind.always_counts, MakeSensorModel(kind, setup)});
+  const Sensor& sensor =
+      sensors_.emplace_back(Sensor{Injector(entry), kind.always_counts, MakeSensorModel(kind, setup)});
+  for (const Past& past : samples_) {
+    Random random(KeyOf(sensor.stream, past.number));
+    sensor.model->Pass(past.values, {past.time_ns, past.number, past.period_ns, *sensor.activity, random});
+  }
 }
 
 void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {
-  actuators_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+  const Actuator& actuator = actuators_.emplace_back(
+      Actuator{Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+  for (const Past& past : inputs_) {
+    Random random(KeyOf(actuator.stream, past.number));
+    actuator.model->Pass(past.values, ContextOf(past.time_ns, past.number, actuator, random));
+  }
 }
 
 void VehicleFaults::Add(const PlantKind& kind, const Entry& entry) {
   bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+}
+
+// No model of a sensor or actuator looks back further than 10 s (`delay_ms`).
+void VehicleFaults::Keep(std::deque<Past>& past, Past&& latest) const {
+  if (!grows_) return;
+  constexpr TimeNs kReachNs = 11 * kNsPerS;
+  constexpr std::size_t kPastMax = 16'384;
+  while (!past.empty() && (past.front().time_ns < latest.time_ns - kReachNs || past.size() >= kPastMax))
+    past.pop_front();
+  past.push_back(std::move(latest));
 }
 
 void VehicleFaults::RoundToLine(std::span<double> values) const {
@@ -144,6 +164,7 @@ void VehicleFaults::EditSensors(TimeNs t, std::span<double> values, BootTime boo
       recorder_.Count(sensor.fault, [&] { return record(t); });
     }
   }
+  Keep(samples_, {t, period_ns, number, {values.begin(), values.end()}});
 }
 
 void VehicleFaults::EditInput(TimeNs t, std::span<double> input, bool new_command) {
@@ -175,6 +196,7 @@ void VehicleFaults::EditInput(TimeNs t, std::span<double> input, bool new_comman
               .after = {}};
     });
   }
+  Keep(inputs_, {t, step_ns_, number, {input.begin(), input.end()}});
 }
 
 Disturbance VehicleFaults::DisturbanceOf(TimeNs t) {

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <span>
 #include <string>
@@ -29,9 +30,9 @@ class VehicleFaults {
     std::uint64_t stream;  // of the model's draws, one generator per sample or step
   };
 
-  // `signals` and `recorder` must outlive it.
-  VehicleFaults(const VehicleSignals& signals, TimeNs step_ns, Recorder& recorder)
-      : signals_(signals), step_ns_(step_ns), recorder_(recorder) {}
+  // `signals` and `recorder` must outlive it. `grows`: faults are added in flight, and have seen the past.
+  VehicleFaults(const VehicleSignals& signals, TimeNs step_ns, Recorder& recorder, bool grows)
+      : signals_(signals), step_ns_(step_ns), recorder_(recorder), grows_(grows) {}
 
   void Add(const SensorKind& kind, const Entry& entry);
   void Add(const ActuatorKind& kind, const Entry& entry);
@@ -65,6 +66,14 @@ class VehicleFaults {
     bool disturbed = false;  // in the previous step
   };
 
+  // A sample or an input as it left the faults, for models that start from the past.
+  struct Past {
+    TimeNs time_ns, period_ns;
+    std::uint64_t number;
+    std::vector<double> values;
+  };
+  void Keep(std::deque<Past>& past, Past&& latest) const;
+
   // Rounds the values that have 32 bits when they are sent.
   void RoundToLine(std::span<double> values) const;
   StepContext ContextOf(TimeNs t, std::uint64_t number, const Injector& injector, Random& random) const {
@@ -74,6 +83,8 @@ class VehicleFaults {
   const VehicleSignals& signals_;
   TimeNs step_ns_;
   Recorder& recorder_;
+  const bool grows_;
+  std::deque<Past> samples_, inputs_;
   std::vector<Sensor> sensors_;
   std::vector<Actuator> actuators_;
   std::vector<Body> bodies_;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 
 namespace tiltproof::faults {
 namespace {
@@ -28,24 +29,57 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
   std::optional<std::uint8_t> message;
   if (const link::MessageType* type = FindMessage(protocol, spec.message))
     message = static_cast<std::uint8_t>(type - protocol.messages.data());
-  injectors_.push_back({.fault = fault,
-                        .activity = &activity,
-                        .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way}), message),
-                        .stream = stream,
-                        .rate = rate,
-                        .remembers = kind.remembers,
-                        .acts_on_overlap = kind.acts_on_overlap,
-                        .sends_back = kind.sends_back,
-                        .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}),
-                                            protocol, direction})});
+  Injector injector{
+      .fault = fault,
+      .layer = kind.wire_layer,
+      .activity = &activity,
+      .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way}), message),
+      .stream = stream,
+      .rate = rate,
+      .remembers = kind.remembers,
+      .acts_on_overlap = kind.acts_on_overlap,
+      .sends_back = kind.sends_back,
+      .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction})};
+  // No model of a later layer depends on frames before its window.
+  for (const link::Chunk& past : past_) {
+    const bool sees = injector.layer == WireLayer::kFrame && injector.trigger.Sees(past.message);
+    if (!injector.remembers || !sees) continue;
+    out_.clear();
+    injector.model->Pass(link::Chunk(past), out_);
+    injector.model->Release(out_);
+  }
+  const auto later = [&](const Injector& other) { return other.layer > injector.layer; };
+  injectors_.insert(std::find_if(injectors_.begin(), injectors_.end(), later), std::move(injector));
 }
 
 void WireFaults::Apply(std::vector<link::Chunk>& chunks) {
   for (const link::Chunk& chunk : chunks)
     for (Injector& injector : injectors_) Decide(injector, chunk);
-  for (Injector& injector : injectors_) {
-    Run(injector, chunks);
-    if (Weight(chunks) > link::kLineBytesMax) return;
+  auto injector = injectors_.begin();
+  const auto run = [&](auto end) {
+    for (; injector != end; ++injector) {
+      Run(*injector, chunks);
+      if (Weight(chunks) > link::kLineBytesMax) return false;
+    }
+    return true;
+  };
+  if (grows_) {
+    const auto is_later = [](const Injector& other) { return other.layer > WireLayer::kFrame; };
+    if (!run(std::find_if(injectors_.begin(), injectors_.end(), is_later))) return;
+    Remember(chunks);
+  }
+  run(injectors_.end());
+}
+
+// More frames than any model looks back, or as many as fit into the limit.
+void WireFaults::Remember(const std::vector<link::Chunk>& chunks) {
+  constexpr std::size_t kPastBytesMax = std::size_t{8} << 20;
+  for (const link::Chunk& chunk : chunks) {
+    past_bytes_ += link::WeightOf(past_.emplace_back(chunk));
+    while (past_bytes_ > kPastBytesMax) {
+      past_bytes_ -= link::WeightOf(past_.front());
+      past_.pop_front();
+    }
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <utility>
 #include <vector>
@@ -21,12 +22,15 @@ namespace tiltproof::faults {
 
 class WireFaults final : public link::ChunkFilter {
  public:
-  // Adds a fault; call it in the order in which the faults act. `activity` and `protocol`
-  // must outlive it.
+  // Adds a fault, which acts after those of its layer and of the layers before. `activity` and `protocol` must
+  // outlive it.
   void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
            const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate,
            const link::Protocol& protocol);
   bool empty() const { return injectors_.empty(); }
+
+  // Faults are added in flight, and have seen the frames that passed before.
+  void Grow() { grows_ = true; }
 
   // `recorder` must outlive the last Apply().
   void SetRecorder(Recorder* recorder) { recorder_ = recorder; }
@@ -53,6 +57,7 @@ class WireFaults final : public link::ChunkFilter {
 
   struct Injector {
     std::size_t fault;
+    WireLayer layer;
     const Activity* activity;
     Trigger trigger;
     std::uint64_t stream;  // of the model's draws, one generator per frame
@@ -66,6 +71,7 @@ class WireFaults final : public link::ChunkFilter {
     std::uint64_t pick_count = 0;
   };
 
+  void Remember(const std::vector<link::Chunk>& chunks);
   void Decide(Injector& injector, const link::Chunk& sent) const;
   void Run(Injector& injector, std::vector<link::Chunk>& chunks);
   void ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random);
@@ -75,6 +81,9 @@ class WireFaults final : public link::ChunkFilter {
   Origin origin_;
   std::vector<link::Chunk> out_, sent_back_;
   link::Chunk before_;
+  bool grows_ = false;
+  std::deque<link::Chunk> past_;  // as they left the first layer, for its models that remember
+  std::size_t past_bytes_ = 0;
 };
 
 }  // namespace tiltproof::faults

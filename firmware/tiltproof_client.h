@@ -95,6 +95,13 @@ TILTPROOF_CLIENT_API int64_t tiltproof_client_grant(TiltproofClient* client, int
  * the flight and at its end; it changes nothing. */
 TILTPROOF_CLIENT_API void tiltproof_client_status(const TiltproofClient* client,
                                                   TiltproofClientStatus* status);
+/* Roles of one of several boards on a vehicle (docs/redundancy.md). */
+#define TILTPROOF_ROLE_STANDBY 0u
+#define TILTPROOF_ROLE_ACTIVE 1u
+#define TILTPROOF_ROLE_FAILED 2u
+/* Optional: the board's present role, for the arbiter `active_claims` and the column role_<id>. Asked of several clients
+ * every 12 ms of the flight, from t = 0 on; it changes nothing. */
+TILTPROOF_CLIENT_API uint32_t tiltproof_client_role(const TiltproofClient* client);
 /* A reset of the board at now_ns: all state but the clock is lost. Returns the next wake-up. */
 TILTPROOF_CLIENT_API int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns);
 

@@ -65,6 +65,9 @@ class Wire {
   // More was to wait here than kLineBytesMax. From then on nothing more is sent.
   bool overfull() const { return overfull_; }
 
+  // When the sender's transmitter is free: all frames so far have begun and ended before.
+  BootTime free_ns() const { return transmitter_free_ns_; }
+
   // Earliest time at which Take() has something for which its receiver should be woken: the end of a piece
   // (see TakePiece()), or the end of the idle time of a frame that does not end. Never() when the wire is
   // empty.

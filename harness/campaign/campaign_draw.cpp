@@ -15,6 +15,7 @@
 #include "faults/random.h"
 #include "faults/registry.h"
 #include "faults/volume.h"
+#include "harness/formula/formula.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -49,32 +50,6 @@ double Draw(const Distribution& distribution, Random& random) {
   const double greatest = std::get<double>(distribution.values.back()), share = random.Uniform();
   if (distribution.kind == Distribution::Kind::kUniform) return least + share * (greatest - least);
   return least * pow(greatest / least, share);
-}
-
-// The text in the parentheses of "always(...)" or "always[a,b](...)"; none for any other formula, and where it has time
-// operators.
-std::optional<std::string> BodyOfAlways(const std::string& formula) {
-  const auto skip = [&](std::size_t at) {
-    return std::min(formula.find_first_not_of(" \t\n", at), formula.size());
-  };
-  constexpr std::string_view kAlways = "always";
-  std::size_t at = skip(0);
-  if (formula.compare(at, kAlways.size(), kAlways) != 0) return std::nullopt;
-  at = skip(at + kAlways.size());
-  if (at < formula.size() && formula[at] == '[')
-    at = skip(std::min(formula.find(']', at), formula.size() - 1) + 1);
-  if (at >= formula.size() || formula[at] != '(') return std::nullopt;
-  int depth = 0;
-  std::size_t end = at;
-  for (; end < formula.size(); ++end) {
-    depth += formula[end] == '(' ? 1 : formula[end] == ')' ? -1 : 0;
-    if (depth == 0) break;
-  }
-  if (end >= formula.size() || skip(end + 1) != formula.size()) return std::nullopt;
-  std::string body = formula.substr(at + 1, end - at - 1);
-  for (const std::string_view word : {"always", "eventually", "until"})
-    if (body.find(word) != std::string::npos) return std::nullopt;
-  return body;
 }
 
 // The draws of one run.
@@ -281,10 +256,13 @@ double LevelAt(const LevelRange& range, double share) {
 
 Scenario WithRecovery(const Scenario& scenario, double recover_s) {
   Scenario recovered = scenario;
-  const double end_s = ToSeconds(scenario.duration_ns);
-  for (CriterionSpec& criterion : recovered.criteria)
-    if (const auto body = BodyOfAlways(criterion.stl))
-      criterion.stl = fmt::format("always[{},{}]({})", end_s - recover_s / 4, end_s, *body);
+  const stl::Window end{scenario.duration_ns - FromSeconds(recover_s / 4), scenario.duration_ns};
+  for (CriterionSpec& criterion : recovered.criteria) {
+    if (criterion.stl.empty()) continue;
+    if (const stl::Formula body = stl::BodyOfAlways(stl::Parse(criterion.stl, {.any_name = true})))
+      criterion.stl = stl::ToString(
+          std::make_shared<const stl::Node>(stl::Node{.op = stl::Op::kAlways, .window = end, .left = body}));
+  }
   return recovered;
 }
 

@@ -86,6 +86,74 @@ void MinimiseFailures(CampaignStore& store, const fs::path& folder, const Minimi
   Finish(store, folder, failing);
 }
 
+std::vector<CampaignFailure> KeptFailures(std::span<const CampaignFailure> failures) {
+  std::map<std::string, std::size_t> counts;
+  for (const CampaignFailure& failure : failures) ++counts[failure.signature];
+  std::vector<std::size_t> sizes;
+  for (const auto& [signature, count] : counts) sizes.push_back(count);
+  std::sort(sizes.rbegin(), sizes.rend());
+  const std::size_t least = sizes.size() > kKeptMax ? sizes[kKeptMax - 1] : 0;
+  std::set<std::string> known;
+  std::vector<CampaignFailure> kept;
+  for (const CampaignFailure& failure : failures)
+    if (counts.at(failure.signature) >= least && kept.size() < kKeptMax &&
+        known.insert(failure.signature).second)
+      kept.push_back(failure);
+  return kept;
+}
+
+namespace {
+
+void CheckSameRun(const CampaignRun& known, CampaignRun run, const std::string& part) {
+  run.wall_s = known.wall_s;
+  if (run == known) return;
+  const std::string which = run.trace_hash == known.trace_hash
+                                ? ": the rows differ"
+                                : fmt::format(": trace {} and trace {}", known.trace_hash, run.trace_hash);
+  throw std::runtime_error(
+      fmt::format("run {} of {} contradicts that of an earlier part{}", run.number, part, which));
+}
+
+// Keys of two campaigns that differ, apart from those of a part.
+std::string DifferingKeys(const CampaignStore& a, const CampaignStore& b,
+                          const std::set<std::string>& of_part) {
+  const std::map<std::string, std::string> meta_a = a.AllMeta(), meta_b = b.AllMeta();
+  std::map<std::string, std::string> keys = meta_a;
+  keys.insert(meta_b.begin(), meta_b.end());
+  std::string differing;
+  for (const auto& [key, value] : keys) {
+    const auto in_a = meta_a.find(key), in_b = meta_b.find(key);
+    if (of_part.contains(key) ||
+        (in_a != meta_a.end() && in_b != meta_b.end() && in_a->second == in_b->second))
+      continue;
+    differing += (differing.empty() ? "" : ", ") + key;
+  }
+  return differing;
+}
+
+}  // namespace
+
+void AddRunsOf(const CampaignStore& from, const std::string& part, const std::set<std::string>& of_part,
+               CampaignStore& into) {
+  if (const std::string keys = DifferingKeys(into, from, of_part); !keys.empty())
+    throw std::runtime_error(
+        fmt::format("{} is not of the same campaign as the others: {} differ", part, keys));
+  std::vector<CampaignRun> batch;
+  const auto add = [&] {
+    into.Add(batch);
+    batch.clear();
+  };
+  // A part has each of its runs once.
+  const std::vector<std::uint64_t> known = into.FlownNumbers();
+  from.ForEach([&](const CampaignRun& run) {
+    if (std::binary_search(known.begin(), known.end(), run.number))
+      return CheckSameRun(*into.Find(run.number), run, part);
+    batch.push_back(run);
+    if (batch.size() == kRunsPerTransaction) add();
+  });
+  add();
+}
+
 void WriteSummary(const CampaignStore& store, const fs::path& folder) {
   WriteFile(folder / "campaign.json", ToJsonText(Summarize(store)));
 }
@@ -113,23 +181,14 @@ class Merger {
 
   void Take(const fs::path& shard) {
     const CampaignStore store(shard / kStoreFile, CampaignStore::Mode::kRead);
-    TakeMeta(store, shard);
-    std::vector<CampaignRun> batch;
-    const auto add = [&] {
-      store_->Add(batch);
-      batch.clear();
-    };
-    // Runs of this shard cannot be twice in it: only earlier shards matter.
-    const std::vector<std::uint64_t> known = store_->FlownNumbers();
-    store.ForEach([&](const CampaignRun& run) {
-      if (std::binary_search(known.begin(), known.end(), run.number)) {
-        CheckSame(*store_->Find(run.number), run, shard);
-        return;
-      }
-      batch.push_back(run);
-      if (batch.size() == kRunsPerTransaction) add();
-    });
-    add();
+    std::set<std::string> of_part;
+    for (const auto& [key, value] : of_shard_) of_part.insert(key);
+    if (shards_.empty()) {
+      for (const auto& [key, value] : store.AllMeta()) store_->SetMeta(key, value);
+      for (const auto& [key, value] : of_shard_) store_->SetMeta(key, value);
+    }
+    AddRunsOf(store, shard.string(), of_part, *store_);
+    store_->PutConfirmations(store.Confirmations());
     for (const CampaignFailure& failure : store.Failures())
       if (failure.minimal) minimised_.try_emplace(failure.run, failure, shard);
     shards_.push_back(shard);
@@ -146,6 +205,7 @@ class Merger {
       failing.failures[place].minimised = failure;
     }
     harness::Finish(*store_, folder_, failing);
+    CopyFlights();
     WriteSummary(*store_, folder_);
     store_.reset();
     std::error_code error;
@@ -161,41 +221,37 @@ class Merger {
     }
   }
 
-  void TakeMeta(const CampaignStore& store, const fs::path& shard) {
-    std::map<std::string, std::string> meta = store.AllMeta();
-    std::erase_if(meta, [&](const auto& entry) { return of_shard_.contains(entry.first); });
-    if (!meta_) {
-      for (const auto* entries : {&meta, &of_shard_})
-        for (const auto& [key, value] : *entries) store_->SetMeta(key, value);
-      meta_ = meta;
-      return;
+  // The flights of the failures that a whole campaign keeps, as far as the shards have them.
+  void CopyFlights() const {
+    for (const CampaignFailure& failure : KeptFailures(store_->Failures())) {
+      const std::string name = fmt::format("run-{}", failure.run);
+      fs::path found;
+      for (const fs::path& shard : shards_) {
+        std::error_code error;
+        for (const auto& kept : fs::directory_iterator(shard / "failures", error)) {
+          if (fs::is_directory(kept.path() / name)) found = kept.path();
+        }
+      }
+      if (!found.empty()) Copy(found, folder_ / "failures" / failure.signature);
     }
-    if (meta == *meta_) return;
-    std::string differing;
-    meta.merge(std::map(*meta_));  // keys of both
-    const std::map<std::string, std::string> own = store.AllMeta();
-    for (const auto& [key, value] : meta)
-      if (!own.contains(key) || !meta_->contains(key) || own.at(key) != meta_->at(key))
-        differing += (differing.empty() ? "" : ", ") + key;
-    throw std::runtime_error(fmt::format("{} and {} are not of the same campaign: {} differ",
-                                         shards_.front().string(), shard.string(), differing));
   }
-
-  void CheckSame(const CampaignRun& known, CampaignRun run, const fs::path& shard) const {
-    run.wall_s = known.wall_s;
-    if (run == known) return;
-    const std::string which = run.trace_hash == known.trace_hash
-                                  ? ": the rows differ"
-                                  : fmt::format(": trace {} and trace {}", known.trace_hash, run.trace_hash);
-    throw std::runtime_error(fmt::format("run {} of {} contradicts that of an earlier shard{}", run.number,
-                                         shard.string(), which));
+  // All but the scenarios, which follow from the signatures of the whole campaign.
+  static void Copy(const fs::path& from, const fs::path& to) {
+    std::error_code error;
+    fs::create_directories(to, error);
+    for (const auto& entry : fs::directory_iterator(from)) {
+      if (entry.path().extension() == ".yaml") continue;
+      fs::copy(entry.path(), to / entry.path().filename(),
+               fs::copy_options::recursive | fs::copy_options::overwrite_existing, error);
+      if (error)
+        throw FileError(fmt::format("{}: {}", (to / entry.path().filename()).string(), error.message()));
+    }
   }
 
   fs::path folder_;
   std::map<std::string, std::string> of_shard_;
   fs::path file_;
   std::optional<CampaignStore> store_;
-  std::optional<std::map<std::string, std::string>> meta_;
   std::vector<fs::path> shards_;
   std::map<std::uint64_t, std::pair<CampaignFailure, fs::path>> minimised_;
 };

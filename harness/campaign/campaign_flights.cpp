@@ -42,10 +42,12 @@ CampaignRun RowOf(std::uint64_t number, const Scenario& flown, std::vector<Campa
   return run;
 }
 
-CampaignFlights::CampaignFlights(const CampaignPlan& plan, FlightMeans means, Options options)
+CampaignFlights::CampaignFlights(const CampaignPlan& plan, FlightMeans means, FlightsOptions options,
+                                 Take take)
     : plan_(plan),
       means_(std::move(means)),
       options_(std::move(options)),
+      take_(std::move(take)),
       engine_(
           {.jobs_count = options_.jobs_count,
            .on_finished = [this](const FlightJob& job, const FlightResult& result) { Finished(job, result); },
@@ -95,7 +97,7 @@ void CampaignFlights::HandOut() {
   while (!enough_ && !under_way_.empty() && under_way_.begin()->second.row) {
     CampaignRun run = *std::move(under_way_.begin()->second.row);
     under_way_.erase(under_way_.begin());
-    enough_ = !options_.take(std::move(run));
+    enough_ = !take_(std::move(run));
   }
 }
 

@@ -1,13 +1,12 @@
 // Flies runs of a campaign, and hands their results out in the order of their numbers: so it does not depend on the number
 // of jobs where a campaign stops, and what is stored is always its beginning.
 //
-//   CampaignFlights flights(plan, means, {.jobs_count = 2, .take = [&](CampaignRun run) { return Keep(run); }});
+//   CampaignFlights flights(plan, means, {.jobs_count = 2}, [&](CampaignRun run) { return Keep(run); });
 //   flights.Fly([&]() -> std::optional<std::uint64_t> { return NextNumber(); });
 //
 // Runs are drawn shortly before they are flown, and forgotten when they were handed out: the memory does not grow.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -17,6 +16,7 @@
 
 #include "harness/campaign/campaign_draw.h"
 #include "harness/engine/engine.h"
+#include "harness/engine/flights_options.h"
 
 namespace tiltproof::harness {
 
@@ -28,15 +28,9 @@ FlightJob JobOf(const CampaignPlan& plan, const FlightMeans& means, DrawnRun dra
 
 class CampaignFlights {
  public:
-  struct Options {
-    int jobs_count = 1;
-    const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
-    std::function<void(const std::string& line)> tell = [](const auto&) {};
-    std::function<void()> on_turn = [] {};  // about ten times per second, or more often
-    // In the order of the numbers. False: enough, the rest is not flown.
-    std::function<bool(CampaignRun run)> take = [](const auto&) { return true; };
-  };
-  CampaignFlights(const CampaignPlan& plan, FlightMeans means, Options options);
+  // A run's row, in the order of the numbers. False: enough, the rest is not flown.
+  using Take = std::function<bool(CampaignRun run)>;
+  CampaignFlights(const CampaignPlan& plan, FlightMeans means, FlightsOptions options, Take take);
 
   // `next`: ascending numbers, and none at the end. Returns when all are taken, when `take` has enough, or when it is
   // interrupted: then the last flights are lost.
@@ -55,7 +49,8 @@ class CampaignFlights {
 
   const CampaignPlan& plan_;
   FlightMeans means_;
-  Options options_;
+  FlightsOptions options_;
+  Take take_;
   Engine engine_;
   std::map<std::uint64_t, UnderWay> under_way_;  // by number
   bool enough_ = false;

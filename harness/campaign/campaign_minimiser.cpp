@@ -51,7 +51,7 @@ std::optional<MinimalForm> FormOf(const FaultsSearch& search, const SmallestFail
 }  // namespace
 
 CampaignMinimiser::CampaignMinimiser(const CampaignPlan& plan, FlightMeans means,
-                                     std::vector<std::uint64_t> runs, Options options)
+                                     std::vector<std::uint64_t> runs, FlightsOptions options)
     : plan_(plan), means_(std::move(means)), runs_(std::move(runs)), options_(std::move(options)) {}
 
 std::optional<MinimalForm> CampaignMinimiser::Find(std::uint64_t run) {
@@ -68,7 +68,7 @@ std::optional<MinimalForm> CampaignMinimiser::Find(std::uint64_t run) {
 }
 
 void CampaignMinimiser::Search(std::size_t first) {
-  if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed)) return;
+  if (options_.is_interrupted()) return;
   std::vector<FaultsSearch> searches;
   for (std::size_t i = first; i < runs_.size() && searches.size() < kSearchesMax; ++i)
     if (!forms_.contains(runs_[i])) searches.push_back({runs_[i], DrawRun(plan_, runs_[i]).scenario, {}});

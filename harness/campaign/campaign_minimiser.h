@@ -8,7 +8,6 @@
 // answers that are known, and its first new question is the next flight.
 #pragma once
 
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -19,20 +18,15 @@
 #include "harness/campaign/campaign_draw.h"
 #include "harness/campaign/campaign_failures.h"
 #include "harness/engine/flight_job.h"
+#include "harness/engine/flights_options.h"
 
 namespace tiltproof::harness {
 
 class CampaignMinimiser {
  public:
-  struct Options {
-    int jobs_count = 1;
-    const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
-    std::function<void(const std::string& line)> tell = [](const auto&) {};
-    std::function<void()> on_turn = [] {};  // about ten times per second, or more often
-  };
   // `runs`: in the order in which they will be asked for.
   CampaignMinimiser(const CampaignPlan& plan, FlightMeans means, std::vector<std::uint64_t> runs,
-                    Options options);
+                    FlightsOptions options);
 
   // None: it was interrupted, or the run did not fail again in the same way.
   std::optional<MinimalForm> Find(std::uint64_t run);
@@ -47,7 +41,7 @@ class CampaignMinimiser {
   const CampaignPlan& plan_;
   FlightMeans means_;
   std::vector<std::uint64_t> runs_;
-  Options options_;
+  FlightsOptions options_;
   std::map<std::uint64_t, std::optional<MinimalForm>> forms_;  // that were not asked for yet
   std::size_t flights_count_ = 0, found_count_ = 0;
 };

@@ -47,6 +47,17 @@ CREATE VIEW failure AS SELECT s.value AS signature, run, m.value AS minimal
   FROM failures LEFT JOIN text s ON s.id = signature LEFT JOIN text m ON m.id = minimal;
 )sql";
 
+// A table that campaigns of older versions lack.
+constexpr const char* kLaterTables = R"sql(
+CREATE TABLE IF NOT EXISTS confirmations(run INTEGER, client INTEGER, verdict INTEGER, end INTEGER, criterion INTEGER,
+  time_s REAL, margin REAL, trace_hash, PRIMARY KEY(run, client)) WITHOUT ROWID;
+CREATE VIEW IF NOT EXISTS confirmation AS SELECT run, n.value AS client, v.value AS verdict, e.value AS end,
+  c.value AS criterion, time_s, margin,
+  CASE typeof(trace_hash) WHEN 'blob' THEN lower(hex(trace_hash)) ELSE trace_hash END AS trace_hash
+  FROM confirmations LEFT JOIN text n ON n.id = client LEFT JOIN text v ON v.id = verdict LEFT JOIN text e ON e.id = end
+  LEFT JOIN text c ON c.id = criterion;
+)sql";
+
 // A hash of 64 bits as lower-case digits takes eight bytes instead of sixteen; any other text stays as it is.
 std::optional<std::string> PackedHash(std::string_view text) {
   if (text.size() != 16 || text.find_first_not_of("0123456789abcdef") != std::string_view::npos) return {};
@@ -242,6 +253,8 @@ struct CampaignStore::Impl {
       // The lock of a writer is held from now on, and given up only for a moment to write.
       Execute("BEGIN IMMEDIATE");
       if (Pragma("PRAGMA user_version") == 0) Create();
+      Execute(kLaterTables);
+      Commit();
       PrepareAll();
       return;
     }
@@ -513,6 +526,35 @@ void CampaignStore::PutFailures(std::span<const CampaignFailure> failures) {
                  failure.minimal ? impl_->Id(*failure.minimal) : std::nullopt)
           .Step();
   });
+}
+
+void CampaignStore::PutConfirmations(std::span<const CampaignConfirmation> confirmations) {
+  impl_->Write([&] {
+    Statement add = impl_->Prepare("INSERT OR REPLACE INTO confirmations VALUES (?, ?, ?, ?, ?, ?, ?, ?)");
+    for (const CampaignConfirmation& found : confirmations)
+      add.Bind(Key(found.run), impl_->Id(found.client), impl_->Id(found.verdict), impl_->Id(found.end),
+               impl_->Id(found.criterion), found.time_s, found.margin, HashOf{found.trace_hash})
+          .Step();
+  });
+}
+
+std::vector<CampaignConfirmation> CampaignStore::Confirmations() const {
+  if (impl_->Pragma("SELECT count(*) FROM sqlite_master WHERE name = 'confirmation'") == 0) return {};
+  std::vector<CampaignConfirmation> confirmations;
+  Statement rows = impl_->Prepare(
+      "SELECT run, client, verdict, end, criterion, time_s, margin, trace_hash FROM confirmation ORDER BY "
+      "client, run");
+  while (rows.Step()) {
+    CampaignConfirmation& found = confirmations.emplace_back();
+    found.run = rows.Unsigned(0);
+    int column = 1;
+    for (std::string* text : {&found.client, &found.verdict, &found.end, &found.criterion})
+      *text = rows.Text(column++);
+    found.time_s = rows.MaybeReal(5);
+    found.margin = rows.MaybeReal(6);
+    found.trace_hash = rows.Text(7);
+  }
+  return confirmations;
 }
 
 std::vector<CampaignFailure> CampaignStore::Failures() const {

@@ -60,6 +60,16 @@ struct CampaignFailure {
   bool operator==(const CampaignFailure&) const = default;
 };
 
+// A run that another client flew again.
+struct CampaignConfirmation {
+  std::uint64_t run = 0;
+  std::string client;  // as --client names it
+  std::string verdict, end, criterion;
+  std::optional<double> time_s, margin;
+  std::string trace_hash;
+  bool operator==(const CampaignConfirmation&) const = default;
+};
+
 // All errors name the file. FileError: the disk is full, or refuses; what was added before is kept. std::runtime_error:
 // a second writer, a file that is no campaign, or one of a newer tiltproof.
 class CampaignStore {
@@ -96,6 +106,10 @@ class CampaignStore {
   // Replaces those of the same runs; one transaction.
   void PutFailures(std::span<const CampaignFailure> failures);
   std::vector<CampaignFailure> Failures() const;  // in the order of the runs
+
+  // Replaces those of the same run and client; one transaction.
+  void PutConfirmations(std::span<const CampaignConfirmation> confirmations);
+  std::vector<CampaignConfirmation> Confirmations() const;  // by client and run
 
  private:
   struct Impl;

@@ -230,7 +230,9 @@ CampaignSummary CampaignSummarizer::Summary() const {
 CampaignSummary Summarize(const CampaignStore& store) {
   CampaignSummarizer summarizer(FrameOf(store), store.Failures());
   store.ForEach([&](const CampaignRun& run) { summarizer.Take(run); });
-  return summarizer.Summary();
+  CampaignSummary summary = summarizer.Summary();
+  summary.confirmed = ConfirmedOf(store);
+  return summary;
 }
 
 }  // namespace tiltproof::harness

@@ -22,6 +22,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "harness/campaign/campaign_confirm.h"
 #include "harness/campaign/campaign_store.h"
 #include "harness/report/json_text.h"
 #include "harness/report/results.h"
@@ -137,9 +138,10 @@ struct CampaignSummary : PassRate {
   std::vector<FailureGroup> failures;  // the one with most flights first
   std::vector<CurvePoint> curve;       // a point for each new signature, and the end
   CampaignCoverage coverage;
+  std::vector<CampaignConfirmed> confirmed;  // on other clients
   TILTPROOF_FIELDS(format, version, campaign, seed, runs, flown, complete, flights, passed, failed, rate, low,
                    high, inconclusive, errors, signatures, by_firmware, by_scenario, by_type, by_severity,
-                   failures, curve, coverage)
+                   failures, curve, coverage, confirmed)
 };
 std::string ToJsonText(const CampaignSummary& summary);
 // Throws FileError, or std::runtime_error naming the file.

@@ -41,13 +41,7 @@ std::string TextDifference(const std::string& what, const std::string& then, con
 }  // namespace
 
 EnvelopeSearch::EnvelopeSearch(EnvelopePlan plan, Options options)
-    : plan_(std::move(plan)),
-      options_(std::move(options)),
-      trials_({.jobs_count = options_.jobs_count,
-               .seeds_count = options_.repeat_count,
-               .interrupted = options_.interrupted,
-               .tell = options_.tell,
-               .on_turn = options_.on_turn}) {
+    : plan_(std::move(plan)), options_(std::move(options)), trials_(options_.flights, options_.repeat_count) {
   earlier_.complete = true;
 }
 
@@ -187,13 +181,13 @@ void EnvelopeSearch::FindRows() {
   }
   FindMargins(trials_, tasks,
               {.tolerance = options_.tolerance,
-               .at_once_count = 4 * static_cast<std::size_t>(options_.jobs_count) + 4,
+               .at_once_count = 4 * static_cast<std::size_t>(options_.flights.jobs_count) + 4,
                .on_done = [&](std::size_t task, const Margin& margin) {
                  EnvelopeSearchRow& row = plan_.rows[places[task]];
                  Found(row, margin);
                  if (margin.unknown) {
                    options_.on_unknown(*margin.unknown);
-                   options_.tell("envelope: no margin: " + WhyUnknown(*margin.unknown));
+                   options_.flights.tell("envelope: no margin: " + WhyUnknown(*margin.unknown));
                  }
                  options_.on_row(row);
                }});
@@ -220,7 +214,8 @@ void EnvelopeSearch::FlyMaps() {
     if (firmware.map.empty()) continue;
     const auto x = AxisOf(firmware.name, firmware.map.at(0)), y = AxisOf(firmware.name, firmware.map.at(1));
     if (!x || !y) {
-      options_.tell(fmt::format("envelope: no map of {}: one of the faults has no margin", firmware.name));
+      options_.flights.tell(
+          fmt::format("envelope: no map of {}: one of the faults has no margin", firmware.name));
       continue;
     }
     maps_.push_back({.client = firmware.name, .x = *x, .y = *y, .survived = {}});
@@ -254,7 +249,7 @@ void EnvelopeSearch::StartMap(const EnvelopeFirmware& firmware, EnvelopeMap& map
           return;
         }
         options_.on_unknown(result);
-        options_.tell("envelope: " + WhyUnknown(result));
+        options_.flights.tell("envelope: " + WhyUnknown(result));
       });
     }
   }

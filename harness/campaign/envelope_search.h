@@ -3,7 +3,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <cstddef>
 #include <functional>
 #include <map>
@@ -45,10 +44,7 @@ class EnvelopeSearch {
   struct Options {
     double tolerance = 0.01;
     int repeat_count = 5;
-    int jobs_count = 1;
-    const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
-    std::function<void(const std::string& line)> tell = [](const auto&) {};
-    std::function<void()> on_turn = [] {};  // about ten times per second
+    FlightsOptions flights = {};
     // A margin was found, or there is none.
     std::function<void(const EnvelopeSearchRow&)> on_row = [](const auto&) {};
     // A flight could not be judged.
@@ -77,7 +73,7 @@ class EnvelopeSearch {
   std::size_t flown_count() const { return trials_.flown_count(); }
 
  private:
-  bool interrupted() const { return options_.interrupted != nullptr && *options_.interrupted; }
+  bool interrupted() const { return options_.flights.is_interrupted(); }
   std::set<std::string> Clients() const;
   // The first difference, with both values; empty when there is none.
   std::string DifferenceFrom(const Envelope& earlier) const;

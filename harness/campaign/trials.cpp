@@ -13,8 +13,9 @@ std::string WhyUnknown(const TrialResult& unknown) {
                      unknown.verdict == Verdict::kError ? "an error" : Name(unknown.verdict), unknown.reason);
 }
 
-Trials::Trials(Options options)
+Trials::Trials(FlightsOptions options, int seeds_count)
     : options_(std::move(options)),
+      seeds_count_(static_cast<std::size_t>(seeds_count)),
       engine_(
           {.jobs_count = options_.jobs_count,
            .on_finished = [this](const FlightJob& job, const FlightResult& result) { Finished(job, result); },
@@ -23,10 +24,10 @@ Trials::Trials(Options options)
 
 void Trials::Start(const FlightJob& job, Done done) {
   const std::uint64_t number = numbers_end_++;
-  const auto count = static_cast<std::size_t>(options_.seeds_count);
-  const Trial& trial =
-      trials_.emplace(number, Trial{std::vector<std::optional<FlightResult>>(count), std::move(done), job})
-          .first->second;
+  const Trial& trial = trials_
+                           .emplace(number, Trial{std::vector<std::optional<FlightResult>>(seeds_count_),
+                                                  std::move(done), job})
+                           .first->second;
   Submit(number, trial, 0);
 }
 
@@ -46,9 +47,8 @@ void Trials::Fly() {
 }
 
 void Trials::Finished(const FlightJob& job, const FlightResult& result) {
-  const bool cut = options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
   const auto flight = flights_.find(job.name);
-  if (cut || stopped_ || flight == flights_.end()) return;
+  if (options_.is_interrupted() || stopped_ || flight == flights_.end()) return;
   ++flown_count_;
   const auto [number, place] = flight->second;
   flights_.erase(flight);

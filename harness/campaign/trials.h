@@ -1,7 +1,7 @@
 // Flies a scenario with several seeds and reports whether all of them pass: one trial. Many trials wait at once, so
 // that no worker is idle.
 //
-//   Trials trials({.jobs_count = 2, .seeds_count = 5});
+//   Trials trials({.jobs_count = 2}, 5);
 //   trials.Start(job, [](const TrialResult& result) { Take(result.answer); });
 //   trials.Fly();
 //
@@ -11,7 +11,6 @@
 // The report does not depend on the number of jobs: of several seeds that fail, the lowest counts.
 #pragma once
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -21,6 +20,7 @@
 #include <string>
 
 #include "harness/engine/engine.h"
+#include "harness/engine/flights_options.h"
 
 namespace tiltproof::harness {
 
@@ -47,16 +47,10 @@ std::string WhyUnknown(const TrialResult& unknown);
 
 class Trials {
  public:
-  struct Options {
-    int jobs_count = 1;
-    int seeds_count = 5;                             // from the scenario's on
-    const std::atomic<bool>* interrupted = nullptr;  // ends the flights; may be null
-    std::function<void(const std::string& line)> tell = [](const auto&) {};
-    std::function<void()> on_turn = [] {};  // about ten times per second
-  };
   using Done = std::function<void(const TrialResult&)>;
 
-  explicit Trials(Options options);
+  // `seeds_count`: from the scenario's seed on.
+  explicit Trials(FlightsOptions options, int seeds_count = 5);
 
   // `done` is called in Fly(), and may start further trials.
   void Start(const FlightJob& job, Done done);
@@ -79,7 +73,8 @@ class Trials {
   // None: later flights decide.
   static std::optional<TrialResult> Decide(const Trial& trial);
 
-  Options options_;
+  FlightsOptions options_;
+  std::size_t seeds_count_;
   Engine engine_;
   std::uint64_t numbers_end_ = 0;
   std::map<std::string, std::pair<std::uint64_t, std::size_t>> flights_;  // by name: its trial, and its place

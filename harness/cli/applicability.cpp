@@ -145,9 +145,6 @@ bool HasWord(std::string_view formula, std::string_view word) {
   return false;
 }
 
-constexpr std::string_view kOneClient =
-    "real time has one link node, for one client; fly several with --mode lockstep";
-
 // Reads each image once.
 class Images {
  public:
@@ -184,31 +181,56 @@ class Images {
 
 namespace {
 
-// `problems`: of the formulas that name the supervisor state of this client, which tells none.
+// Reports of a client on itself, and the ways to make them.
+struct Told {
+  std::string_view symbol, function;
+  bool (*by_library)(const std::filesystem::path&);
+  std::string_view noun;
+};
+constexpr Told kToldState = {kStatusSymbol, "tiltproof_client_status", TellsStatus, "state"};
+constexpr Told kToldRole = {kRoleSymbol, "tiltproof_client_role", TellsRole, "role"};
+
+// Reason that this client does not tell it; empty: it does.
+std::string WhyUntold(const Told& told, const Scenario& scenario, std::size_t client, const ClientSpec& spec,
+                      Images& images) {
+  const std::string& firmware = scenario.firmware_of(client);
+  if (const auto* image = std::get_if<EmulatedImage>(&spec)) {
+    if (images.Read(*image, firmware, *scenario.link.protocol).FindRegion(told.symbol)) return "";
+    return fmt::format("the image of {} has no variable {} (firmware/tiltproof_client.h)", ToText(spec),
+                       told.symbol);
+  }
+  if (std::holds_alternative<HostLibrary>(spec)) {
+    if (told.by_library(FirmwareFile(spec, firmware, DialectOf(*scenario.link.protocol)))) return "";
+    return fmt::format("{} has no function {} (firmware/tiltproof_client.h)", ToText(spec), told.function);
+  }
+  // One that speaks the protocol tells it when it runs, if ever.
+  if (const auto* program = std::get_if<LockstepProgram>(&spec); program != nullptr && !program->clocked)
+    return "";
+  return fmt::format("the client {} does not report its {}", ToText(spec), told.noun);
+}
+
+// `problems`: of the formulas that name what this client does not tell, and of an arbiter that needs it.
 void FindUntold(const Scenario& scenario, std::size_t client, const ClientSpec& spec, Images& images,
                 std::vector<Problem>& problems) {
-  const std::string column = SupervisorStateColumn(scenario, client);
-  for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
-    if (!HasWord(scenario.criteria[i].stl, column)) continue;
-    const std::string place =
-        i < scenario.criterion_places.size() ? scenario.criterion_places[i] : scenario.name;
-    const auto complain = [&](const std::string& why) {
+  const auto find = [&](const Told& told, const std::string& column) {
+    for (std::size_t i = 0; i < scenario.criteria.size(); ++i) {
+      if (!HasWord(scenario.criteria[i].stl, column)) continue;
+      const std::string why = WhyUntold(told, scenario, client, spec, images);
+      if (why.empty()) return;
+      const std::string place =
+          i < scenario.criterion_places.size() ? scenario.criterion_places[i] : scenario.name;
       problems.push_back(
           {fmt::format("{}: stl: '{}': {}", place, column, why), fmt::format("stl: '{}': {}", column, why)});
-    };
-    if (const auto* image = std::get_if<EmulatedImage>(&spec)) {
-      if (!images.Read(*image, scenario.firmware_of(client), *scenario.link.protocol)
-               .FindRegion(kStatusSymbol))
-        complain(fmt::format("the image of {} has no variable {} (firmware/tiltproof_client.h)", ToText(spec),
-                             kStatusSymbol));
-    } else if (std::holds_alternative<HostLibrary>(spec)) {
-      if (!TellsStatus(FirmwareFile(spec, scenario.firmware_of(client), DialectOf(*scenario.link.protocol))))
-        complain(fmt::format("{} has no function tiltproof_client_status (firmware/tiltproof_client.h)",
-                             ToText(spec)));
-    } else if (const auto* program = std::get_if<LockstepProgram>(&spec);
-               program == nullptr || program->clocked) {  // one that speaks the protocol says so when it runs
-      complain(fmt::format("the client {} does not report its state", ToText(spec)));
     }
+  };
+  find(kToldState, SupervisorStateColumn(scenario, client));
+  if (scenario.has_several_clients()) find(kToldRole, RoleColumn(scenario, client));
+  if (scenario.arbiter.type != ArbiterType::kActiveClaims) return;
+  if (const std::string why = WhyUntold(kToldRole, scenario, client, spec, images); !why.empty()) {
+    const std::string text = fmt::format("arbiter: active_claims needs the role of client '{}': {}",
+                                         scenario.client_id(client), why);
+    const std::string& place = scenario.arbiter_place;
+    problems.push_back({(place.empty() ? scenario.name : place) + ": " + text, text});
   }
 }
 
@@ -259,9 +281,6 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
       }
       FindUntold(scenario, i, clients[i], images, problems);
     }
-    if (means.realtime && scenario.has_several_clients())
-      problems.push_back(
-          {fmt::format("{}: clients: {}", scenario.file.string(), kOneClient), std::string(kOneClient)});
     if (problems.empty()) return false;
     NotApplicable other{.name = entry.scenario.name, .reason = {}, .why = problems.front().why};
     for (const Problem& problem : problems) {

@@ -43,6 +43,21 @@ void AddWork(CLI::App& command, CampaignOptions& options) {
       command.add_option("--shard", options.shard, "Fly only part K of N equal parts of the runs")
           ->type_name("K/N");
   resume->excludes(shard);
+  command
+      .add_option("--confirm", options.confirm,
+                  "At the end fly the first failures of each way to fail, and what passed with the least "
+                  "margin, with this client, too: qemu:IMAGE")
+      ->type_name("CLIENT");
+  command
+      .add_option("--executor", options.executor,
+                  "local: on this machine. slurm: in tasks on a cluster; sbatch's own options come from the "
+                  "environment (SBATCH_PARTITION, SBATCH_TIMELIMIT)")
+      ->check(CLI::IsMember({"local", "slurm"}))
+      ->capture_default_str();
+  command
+      .add_option("--task-runs", options.task_runs,
+                  "Runs of a task of Slurm, at least (default: 500, or a thousandth of all)")
+      ->check(CLI::Range(std::int64_t{1}, kRunsMax));
   command.add_flag("--no-report", options.no_report, "Write no pages");
   command.add_flag("--no-progress", options.no_progress, "No progress on standard error");
 }
@@ -75,6 +90,14 @@ void RegisterCampaign(CLI::App& program, CommandLine& line) {
   show->add_option("RUN", *number, "Number of the run, from 0")->required();
   show->add_flag("--no-report", options->no_report, "Write no report.html");
   SetAction(*show, line, [options, number] { return ShowCampaignRun(*options, *number); });
+
+  CLI::App* task = command->add_subcommand(
+      "task",
+      "Fly one task of a campaign on a cluster, as Slurm does; it may be flown again, or twice at once");
+  task->add_option("DIR", options->resume, "Folder of the campaign")->required();
+  task->add_option("K", *number, "Number of the task, from 1")->required();
+  AddJobs(*task, options->jobs_count);
+  SetAction(*task, line, [options, number] { return FlyCampaignTask(*options, *number); });
 
   CLI::App* status = command->add_subcommand("status", "Print how far a campaign is");
   status->add_option("DIR", options->resume, "Folder of the campaign")->required();

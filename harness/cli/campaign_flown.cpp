@@ -5,7 +5,6 @@
 #include <map>
 #include <utility>
 
-#include "harness/cli/client_flag.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
@@ -13,24 +12,6 @@
 #include "harness/report/flight_files.h"
 
 namespace tiltproof::harness {
-namespace {
-
-RunInfo RunOf(const FlightJob& job, const CampaignOptions& options) {
-  RunInfo info;
-  info.suite = job.scenario.name;
-  info.started = UtcNow();
-  info.seed = job.scenario.seed;
-  info.client = job.means.client_text();
-  for (const auto& [id, client] : job.means.clients.by_id) info.clients.emplace(id, ToText(client));
-  info.build = BuildOf(job.means.clients);
-  info.machine = ThisMachine();
-  info.command = options.command;
-  info.trace = TraceFormat::kCsv;
-  return info;
-}
-
-}  // namespace
-
 std::string RunName(std::uint64_t number) { return fmt::format("run-{}", number); }
 
 KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& options) {
@@ -45,7 +26,9 @@ KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& opti
       WriteFile(flight.folder / "scenario.yaml", WriteResolved(flight.job.scenario));
     flight.job.recorder = RecorderIn(own, Keep::kAll);
     flight.job.replay = fmt::format("{} replay {}", options.command.front(), own.string());
-    records.try_emplace(flight.job.name, flight.folder, RunOf(flight.job, options), std::vector{flight.job});
+    records.try_emplace(flight.job.name, flight.folder,
+                        LockstepRunInfo(flight.job.scenario.name, flight.job, options.command),
+                        std::vector{flight.job});
     folders[flight.job.name] = flight.folder;
     jobs.push_back(std::move(flight.job));
   }

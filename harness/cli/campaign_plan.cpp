@@ -132,12 +132,6 @@ void CheckTimes(const CampaignSpec& spec, const Scenario& scenario) {
 
 }  // namespace
 
-std::uint64_t Shard::First(std::uint64_t runs_count) const {
-  // Without the product of the two, which may be too large.
-  const std::uint64_t before = number - 1;
-  return runs_count / count * before + runs_count % count * before / count;
-}
-
 Shard ReadShard(const std::string& text) {
   if (text.empty()) return {};
   const std::size_t slash = text.find('/');
@@ -180,9 +174,9 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options) {
   return campaign;
 }
 
-LoadedCampaign ReopenCampaign(const CampaignStore& store) {
+LoadedCampaign ReopenCampaign(std::map<std::string, std::string> meta) {
   LoadedCampaign campaign;
-  campaign.meta = store.AllMeta();
+  campaign.meta = std::move(meta);
   const auto value = [&](const std::string& key) -> const std::string& {
     const auto found = campaign.meta.find(key);
     if (found == campaign.meta.end())

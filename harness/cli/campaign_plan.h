@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "harness/campaign/campaign_draw.h"
-#include "harness/campaign/campaign_store.h"
+#include "harness/campaign/campaign_tasks.h"
 #include "harness/engine/flight_job.h"
 
 namespace tiltproof::harness {
@@ -23,19 +23,15 @@ struct CampaignOptions {
   std::string shard;  // "K/N"; empty: all
   int jobs_count = 1;
   std::filesystem::path out = "results/campaign";
-  std::filesystem::path resume;  // the folder of a campaign; or empty
+  std::filesystem::path resume;            // the folder of a campaign; or empty
+  std::string confirm;                     // the client that flies failures again; or empty
+  std::string executor = "local";          // or "slurm"
+  std::optional<std::uint64_t> task_runs;  // runs of a task of Slurm
   bool no_report = false;
   bool no_progress = false;
   std::vector<std::string> command;  // as typed
 };
 
-// Part `number` of `count` of the runs, from 1.
-struct Shard {
-  std::uint64_t number = 1, count = 1;
-  // Its runs are [First, First of the next part).
-  std::uint64_t First(std::uint64_t runs_count) const;
-  std::uint64_t End(std::uint64_t runs_count) const { return Shard{number + 1, count}.First(runs_count); }
-};
 // Throws UsageError.
 Shard ReadShard(const std::string& text);
 
@@ -49,8 +45,8 @@ struct LoadedCampaign {
 
 // Throws UsageError, with every problem of every file.
 LoadedCampaign PlanCampaign(const CampaignOptions& options);
-// As it was planned. Throws UsageError where this program cannot read it any more.
-LoadedCampaign ReopenCampaign(const CampaignStore& store);
+// As it was planned; `meta`: of its database. Throws UsageError where this program cannot read it any more.
+LoadedCampaign ReopenCampaign(std::map<std::string, std::string> meta);
 
 // The database in a campaign's folder.
 std::filesystem::path DatabaseOf(const std::filesystem::path& folder);

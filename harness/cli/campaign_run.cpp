@@ -10,10 +10,13 @@
 #include <set>
 #include <utility>
 
+#include "harness/campaign/campaign_confirm.h"
 #include "harness/campaign/campaign_failures.h"
 #include "harness/campaign/campaign_flights.h"
 #include "harness/campaign/campaign_minimiser.h"
 #include "harness/campaign/campaign_signature.h"
+#include "harness/cli/applicability.h"
+#include "harness/cli/campaign_cluster.h"
 #include "harness/cli/campaign_flown.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/commands.h"
@@ -21,6 +24,8 @@
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
+#include "harness/cli/search_flights.h"
+#include "harness/cli/temporary_folder.h"
 #include "harness/report/files.h"
 #include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
@@ -34,8 +39,8 @@ using CampaignClock = std::chrono::steady_clock;
 // One transaction holds so many runs, or those of so long.
 constexpr std::size_t kBatchMax = 256;
 constexpr std::chrono::seconds kBatchTime{1};
-// Flights are kept of so many signatures: one takes some megabytes.
-constexpr std::size_t kKeptMax = 100;
+// Differences that are printed.
+constexpr std::size_t kDifferencesMax = 20;
 // Between two lines of progress where there is no terminal, and where there is one.
 constexpr std::chrono::milliseconds kPlainTime{10'000}, kLineTime{100};
 
@@ -84,7 +89,6 @@ class CampaignProgress {
   std::uint64_t done_count() const { return done_count_; }
   std::uint64_t failures_count() const { return failures_count_; }
   std::uint64_t errors_count() const { return errors_count_; }
-  std::size_t signatures_count() const { return signatures_.size(); }
   CampaignClock::time_point begin() const { return begin_; }
 
  private:
@@ -95,28 +99,48 @@ class CampaignProgress {
   CampaignClock::time_point begin_ = CampaignClock::now();
 };
 
+// The client that confirms, if there is one. Throws UsageError.
+std::optional<FlightMeans> ConfirmingMeans(const CampaignOptions& options) {
+  if (options.confirm.empty()) return {};
+  FlightMeans means = LockstepMeans(ReadClientFlags({options.confirm}), "campaign --confirm");
+  CheckReady(means);
+  return means;
+}
+
+// The number in a RunName().
+std::uint64_t RunNumber(const std::string& name) { return std::stoull(name.substr(RunName(0).size() - 1)); }
+
 class CampaignWork {
  public:
   CampaignWork(const CampaignOptions& options, std::filesystem::path folder, LoadedCampaign campaign,
-               CampaignStore& store)
+               CampaignStore& store, std::optional<FlightMeans> confirm = {})
       : options_(options),
         folder_(std::move(folder)),
         campaign_(std::move(campaign)),
         store_(store),
         progress_(campaign_, store),
+        confirm_(std::move(confirm)),
         line_(!options.no_progress) {}
 
   // The exit code.
   int Run() {
     TellLeftOut();
-    if (!FlyRuns()) return kExitError;
+    if (options_.executor == "slurm" ? !FlyTasks() : !FlyRuns())
+      return interrupted() ? Interrupted() : kExitError;
     if (interrupted()) return Interrupted();
     if (const int code = KeepFailures(); code != kExitGreen) return code;
+    if (const int code = Confirm(); code != kExitGreen) return code;
     WriteSummary(store_, folder_);
     if (!options_.no_report) WriteCampaignReport(folder_, options_.command.front());
     Report();
     if (progress_.errors_count() > 0) return kExitError;
-    return progress_.failures_count() > 0 ? kExitNotGreen : kExitGreen;
+    return progress_.failures_count() > 0 || differs_ ? kExitNotGreen : kExitGreen;
+  }
+
+  // Only its runs, which are stored. The exit code.
+  int RunTask() {
+    if (!FlyRuns()) return kExitError;
+    return interrupted() ? kExitInterrupted : kExitGreen;
   }
 
  private:
@@ -136,7 +160,8 @@ class CampaignWork {
   }
 
   std::string HowToGoOn() const {
-    return fmt::format("go on with `{} campaign --resume {}`", options_.command.front(), folder_.string());
+    return fmt::format("go on with `{} campaign --resume {}{}`", options_.command.front(), folder_.string(),
+                       options_.executor == "local" ? "" : " --executor " + options_.executor);
   }
 
   // False: the results could not be stored, and that was said.
@@ -145,8 +170,8 @@ class CampaignWork {
                             {.jobs_count = options_.jobs_count,
                              .interrupted = InterruptScope::flag(),
                              .tell = [this](const std::string& text) { Tell(text); },
-                             .on_turn = [this] { Turn(); },
-                             .take = [this](CampaignRun run) { return Take(std::move(run)); }});
+                             .on_turn = [this] { Turn(); }},
+                            [this](CampaignRun run) { return Take(std::move(run)); });
     try {
       if (!HasEnough()) flights.Fly([this] { return progress_.Next(); });
       Flush();
@@ -157,6 +182,24 @@ class CampaignWork {
     }
     line_.Clear();
     return true;
+  }
+
+  // As FlyRuns().
+  bool FlyTasks() {
+    bool good = false;
+    try {
+      good =
+          FlyOnCluster(store_, {.folder = folder_,
+                                .options = options_,
+                                .name = campaign_.plan.spec.name,
+                                .tell = [this](const std::string& text) { Tell(text); },
+                                .on_turn = [this](const std::string& text) { Show([&] { return text; }); }});
+    } catch (const FileError& error) {
+      Tell(fmt::format("campaign: {}; {}", error.what(), HowToGoOn()));
+    }
+    line_.Clear();
+    progress_ = CampaignProgress(campaign_, store_);
+    return good;
   }
 
   bool Take(CampaignRun run) {
@@ -209,18 +252,18 @@ class CampaignWork {
     });
     std::optional<CampaignMinimiser> minimiser;
     minimiser.emplace(campaign_.plan, campaign_.means, runs,
-                      CampaignMinimiser::Options{.jobs_count = options_.jobs_count,
-                                                 .interrupted = InterruptScope::flag(),
-                                                 .tell = [this](const std::string& text) { Tell(text); },
-                                                 .on_turn =
-                                                     [&] {
-                                                       Show([&] {
-                                                         return fmt::format(
-                                                             "making failures smaller: {} of {}, {} flights",
-                                                             minimiser->found_count(), runs.size(),
-                                                             minimiser->flights_count());
-                                                       });
-                                                     }});
+                      FlightsOptions{.jobs_count = options_.jobs_count,
+                                     .interrupted = InterruptScope::flag(),
+                                     .tell = [this](const std::string& text) { Tell(text); },
+                                     .on_turn =
+                                         [&] {
+                                           Show([&] {
+                                             return fmt::format(
+                                                 "making failures smaller: {} of {}, {} flights",
+                                                 minimiser->found_count(), runs.size(),
+                                                 minimiser->flights_count());
+                                           });
+                                         }});
     MinimiseFailures(store_, folder_, [&](std::uint64_t run) { return minimiser->Find(run); });
     line_.Clear();
   }
@@ -229,21 +272,10 @@ class CampaignWork {
   int KeepFailures() {
     Minimise();
     if (interrupted()) return Interrupted();
-    const std::vector<CampaignFailure> failures = store_.Failures();
-    // The first failure of each of the most frequent signatures.
-    std::map<std::string, std::size_t> counts;
-    for (const CampaignFailure& failure : failures) ++counts[failure.signature];
-    std::vector<std::size_t> sizes;
-    for (const auto& [signature, count] : counts) sizes.push_back(count);
-    std::sort(sizes.rbegin(), sizes.rend());
-    const std::size_t least = sizes.size() > kKeptMax ? sizes[kKeptMax - 1] : 0;
-    std::set<std::string> kept;
     std::vector<FlightToKeep> flights;
-    for (const CampaignFailure& failure : failures) {
-      if (counts.at(failure.signature) < least || kept.size() == kKeptMax) continue;
+    for (const CampaignFailure& failure : KeptFailures(store_.Failures())) {
       const std::filesystem::path folder = folder_ / "failures" / failure.signature;
-      if (!kept.insert(failure.signature).second || std::filesystem::exists(folder / "results.json"))
-        continue;
+      if (std::filesystem::exists(folder / RunName(failure.run) / "verdict.json")) continue;
       FlightJob job = JobOf(campaign_.plan, campaign_.means, DrawRun(campaign_.plan, failure.run));
       job.name = RunName(failure.run);
       flights.push_back({folder, std::move(job)});
@@ -251,7 +283,7 @@ class CampaignWork {
     const KeptRuns flown = KeepRuns(std::move(flights), options_);
     if (flown.interrupted) return Interrupted();
     for (const FlightResult& result : flown.results) {
-      const std::uint64_t number = std::stoull(result.name.substr(RunName(0).size() - 1));
+      const std::uint64_t number = RunNumber(result.name);
       const std::string stored = store_.Find(number)->trace_hash;
       if (result.trace_hash == stored) continue;
       Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
@@ -261,13 +293,87 @@ class CampaignWork {
     return kExitGreen;
   }
 
+  // Flies what is to be confirmed with the other client, once. The exit code.
+  int Confirm() {
+    if (!confirm_) return kExitGreen;
+    const std::string client = ToText(confirm_->clients.all);
+    std::set<std::uint64_t> known;
+    for (const CampaignConfirmation& found : store_.Confirmations())
+      if (found.client == client) known.insert(found.run);
+    std::vector<FlightJob> jobs;
+    std::map<std::string, std::uint64_t> impossible;  // by reason
+    for (const std::uint64_t run : RunsToConfirm(store_)) {
+      if (known.contains(run)) continue;
+      FlightJob job = JobOf(campaign_.plan, *confirm_, DrawRun(campaign_.plan, run));
+      job.name = RunName(run);
+      Suite suite;
+      SuiteScenario& flown = suite.scenarios.emplace_back();
+      flown.scenario = job.scenario;
+      flown.model = job.model;
+      const std::vector<NotApplicable> reasons = RemoveNotApplicable(*confirm_, false, suite);
+      if (reasons.empty())
+        jobs.push_back(std::move(job));
+      else
+        ++impossible[reasons.front().why];
+    }
+    for (const auto& [why, count] : impossible)
+      Tell(fmt::format("campaign: --confirm: {} run{} cannot be flown by {}: {}", count,
+                       count == 1 ? "" : "s", client, why));
+    bool is_error = false;
+    const FlownFlights flown =
+        RunFlights(std::move(jobs), {.jobs_count = options_.jobs_count,
+                                     .progress = !options_.no_progress,
+                                     .on_finished = [&](const FlightJob& job, const FlightResult& result) {
+                                       if (result.end_reason == EndReason::kInterrupted) return;
+                                       is_error |= !KeepConfirmation(client, job, result);
+                                     }});
+    if (flown.interrupted) return Interrupted();
+    return is_error ? kExitError : kExitGreen;
+  }
+
+  // False: the flight is an error, which is flown again another time.
+  bool KeepConfirmation(const std::string& client, const FlightJob& job, const FlightResult& result) {
+    const std::uint64_t number = RunNumber(job.name);
+    const CampaignRun row = RowOf(number, job.scenario, {}, result);
+    if (result.score.verdict == Verdict::kError) {
+      Tell(fmt::format("campaign: --confirm: {} is an error: {}", job.name, result.score.reason));
+      return false;
+    }
+    const CampaignConfirmation found = {.run = number,
+                                        .client = client,
+                                        .verdict = row.verdict,
+                                        .end = row.end,
+                                        .criterion = row.criterion,
+                                        .time_s = row.time_s,
+                                        .margin = row.margin,
+                                        .trace_hash = row.trace_hash};
+    store_.PutConfirmations({&found, 1});
+    return true;
+  }
+
+  void ReportConfirmed() {
+    for (const CampaignConfirmed& confirmed : ConfirmedOf(store_)) {
+      differs_ |= confirmed.differ > 0;
+      Print(stdout, "confirmed by {}: {} of {} flights have the same verdict and criterion\n",
+            confirmed.client, confirmed.same, confirmed.flights);
+      const std::vector<std::string> lines = DifferenceLines(confirmed);
+      for (std::size_t i = 0; i < std::min(lines.size(), kDifferencesMax); ++i)
+        PrintLine(stdout, 2, lines[i]);
+      if (lines.size() > kDifferencesMax)
+        Print(stdout, "  and {} more: {}\n", lines.size() - kDifferencesMax,
+              (folder_ / "campaign.json").string());
+    }
+  }
+
   void Report() {
     const std::uint64_t done = progress_.done_count(), failed = progress_.failures_count();
+    std::set<std::string> ways;
+    for (const CampaignFailure& failure : store_.Failures()) ways.insert(failure.signature);
     Print(stdout, "campaign {}: {} runs, {} survived ({:.1f} %), {} failed in {} way{}; {}\n",
           campaign_.plan.spec.name, done, done - failed,
           done > 0 ? 100.0 * static_cast<double>(done - failed) / static_cast<double>(done) : 0, failed,
-          progress_.signatures_count(), progress_.signatures_count() == 1 ? "" : "s",
-          DatabaseOf(folder_).string());
+          ways.size(), ways.size() == 1 ? "" : "s", DatabaseOf(folder_).string());
+    ReportConfirmed();
   }
 
   const CampaignOptions& options_;
@@ -275,6 +381,8 @@ class CampaignWork {
   LoadedCampaign campaign_;
   CampaignStore& store_;
   CampaignProgress progress_;
+  std::optional<FlightMeans> confirm_;
+  bool differs_ = false;  // a flight of the client that confirms
   ProgressLine line_;
   std::vector<CampaignRun> batch_;
   CampaignClock::time_point stored_at_ = CampaignClock::now(), told_at_ = CampaignClock::now();
@@ -319,10 +427,25 @@ void CheckSameBuild(const LoadedCampaign& campaign, const std::filesystem::path&
   const auto began = campaign.meta.find("build");
   if (began == campaign.meta.end() || began->second == build) return;
   throw UsageError(
-      fmt::format("--resume {}: the campaign was begun by another build of tiltproof or of the firmware "
+      fmt::format("{}: the campaign was begun by another build of tiltproof or of the firmware "
                   "({}; this one is {}): its runs would not be comparable. Begin another campaign with "
                   "--out",
                   folder.string(), began->second, build));
+}
+
+// Throws UsageError for what a cluster cannot do.
+void CheckExecutor(const CampaignOptions& options, const LoadedCampaign& campaign) {
+  if (options.executor == "local") {
+    if (options.task_runs) throw UsageError("--task-runs: only with --executor slurm");
+    return;
+  }
+  const StopSpec& stop = campaign.plan.spec.stop;
+  if (stop.failures_count > 0 || stop.wall_s)
+    throw UsageError(
+        "--executor slurm: the campaign's `stop` cannot hold for tasks that do not know of each other: leave "
+        "it out, or fly with --executor local");
+  if (campaign.shard.count > 1)
+    throw UsageError("--executor slurm: flies whole campaigns: leave out --shard, whose work its tasks do");
 }
 
 CampaignStore OpenToRead(const std::filesystem::path& folder) {
@@ -336,32 +459,64 @@ CampaignStore OpenToRead(const std::filesystem::path& folder) {
 
 int FlyCampaign(const CampaignOptions& options) {
   const InterruptScope scope;
+  std::optional<FlightMeans> confirm = ConfirmingMeans(options);
   if (!options.resume.empty()) {
     if (!std::filesystem::exists(DatabaseOf(options.resume)))
       throw UsageError(fmt::format("--resume {}: there is no campaign in this folder (no campaign.sqlite)",
                                    options.resume.string()));
     CampaignStore store(DatabaseOf(options.resume), CampaignStore::Mode::kOpen);
-    LoadedCampaign campaign = ReopenCampaign(store);
+    LoadedCampaign campaign = ReopenCampaign(store.AllMeta());
     CheckSameBuild(campaign, options.resume);
-    return CampaignWork(options, options.resume, std::move(campaign), store).Run();
+    CheckExecutor(options, campaign);
+    // Runs that tasks on a cluster have delivered since.
+    GatherTasks(store, options.resume);
+    return CampaignWork(options, options.resume, std::move(campaign), store, std::move(confirm)).Run();
   }
   if (std::filesystem::exists(DatabaseOf(options.out)))
     throw UsageError(
         fmt::format("{} holds a campaign already: go on with it (--resume {}), or choose another --out",
                     options.out.string(), options.out.string()));
   LoadedCampaign campaign = PlanCampaign(options);
+  CheckExecutor(options, campaign);
   if (const auto code = CheckBases(options, campaign)) return *code;
   std::filesystem::create_directories(options.out);
   CampaignStore store(DatabaseOf(options.out), CampaignStore::Mode::kCreate);
   for (const auto& [key, value] : campaign.meta) store.SetMeta(key, value);
-  return CampaignWork(options, options.out, std::move(campaign), store).Run();
+  return CampaignWork(options, options.out, std::move(campaign), store, std::move(confirm)).Run();
+}
+
+int FlyCampaignTask(const CampaignOptions& options, std::uint64_t number) {
+  const InterruptScope scope;
+  const CampaignTasks tasks = ReadTasks(options.resume);
+  const Shard task{number, tasks.count};
+  if (number < 1 || number > tasks.count)
+    throw UsageError(
+        fmt::format("campaign task: there is no task {}: the {} tasks count from 1", number, tasks.count));
+  if (std::filesystem::exists(ResultOf(options.resume, task))) {
+    Print(stdout, "task {} of {} was flown already\n", number, tasks.count);
+    return kExitGreen;
+  }
+  LoadedCampaign campaign = ReopenCampaign(tasks.meta);
+  CheckSameBuild(campaign, options.resume);
+  campaign.shard = task;
+  const TemporaryFolder folder("task");
+  {
+    CampaignStore store(DatabaseOf(folder.path()), CampaignStore::Mode::kCreate);
+    for (const auto& [key, value] : tasks.meta) store.SetMeta(key, value);
+    if (const int code = CampaignWork(options, folder.path(), std::move(campaign), store).RunTask();
+        code != kExitGreen)
+      return code;
+  }
+  DeliverTask(DatabaseOf(folder.path()), options.resume, task);
+  Print(stdout, "task {} of {} was flown\n", number, tasks.count);
+  return kExitGreen;
 }
 
 int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
   const InterruptScope scope;
   const std::filesystem::path& folder = options.resume;
   const CampaignStore store = OpenToRead(folder);
-  const LoadedCampaign campaign = ReopenCampaign(store);
+  const LoadedCampaign campaign = ReopenCampaign(store.AllMeta());
   const auto runs_count = static_cast<std::uint64_t>(campaign.plan.spec.runs_count);
   if (number >= runs_count)
     throw UsageError(
@@ -420,6 +575,7 @@ int CampaignStatus(const std::filesystem::path& folder) {
   Print(stdout, "campaign {}: {} of {} runs{}, {} failed in {} way{}\n", spec.name, done, total,
         shard.count > 1 ? fmt::format(" of shard {}", text("shard")) : "", failed, signatures.size(),
         signatures.size() == 1 ? "" : "s");
+  if (const auto tasks = TasksText(store, folder)) Print(stdout, "{}\n", *tasks);
   if (done < total) Print(stdout, "it can go on: tiltproof campaign --resume {}\n", folder.string());
   return kExitGreen;
 }

@@ -7,6 +7,8 @@ namespace tiltproof::harness {
 
 // Begins a campaign, or goes on with one. Returns the exit code.
 int FlyCampaign(const CampaignOptions& options);
+// Flies one task of a campaign on a cluster, whose folder is options.resume.
+int FlyCampaignTask(const CampaignOptions& options, std::uint64_t number);
 // Flies one of its runs once more, and compares it with the database.
 int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number);
 // Prints how far it is.

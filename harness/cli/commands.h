@@ -53,6 +53,7 @@ void RegisterMinimise(CLI::App& program, CommandLine& line);
 void RegisterSearch(CLI::App& program, CommandLine& line);
 void RegisterWhy(CLI::App& program, CommandLine& line);
 void RegisterFuzz(CLI::App& program, CommandLine& line);
+void RegisterSession(CLI::App& program, CommandLine& line);
 void RegisterVehicle(CLI::App& program, CommandLine& line);
 void RegisterDesignLqr(CLI::App& program, CommandLine& line);
 void RegisterNode(CLI::App& program, CommandLine& line);

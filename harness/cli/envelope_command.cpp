@@ -31,14 +31,15 @@ class EnvelopeRun {
  public:
   EnvelopeRun(const EnvelopeOptions& options, EnvelopePlan plan)
       : options_(options),
-        search_(std::move(plan), {.tolerance = options.tolerance,
-                                  .repeat_count = options.repeat_count,
-                                  .jobs_count = options.jobs_count,
-                                  .interrupted = InterruptScope::flag(),
-                                  .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
-                                  .on_turn = [this] { ShowProgress(); },
-                                  .on_row = [this](const EnvelopeSearchRow& row) { Take(row); },
-                                  .on_unknown = [this](const TrialResult& unknown) { OnUnknown(unknown); }}),
+        search_(std::move(plan),
+                {.tolerance = options.tolerance,
+                 .repeat_count = options.repeat_count,
+                 .flights = {.jobs_count = options.jobs_count,
+                             .interrupted = InterruptScope::flag(),
+                             .tell = [this](const std::string& line) { Tell("tiltproof: " + line); },
+                             .on_turn = [this] { ShowProgress(); }},
+                 .on_row = [this](const EnvelopeSearchRow& row) { Take(row); },
+                 .on_unknown = [this](const TrialResult& unknown) { OnUnknown(unknown); }}),
         line_(!options.no_progress) {
     if (!options.resume.empty()) Resume(options.resume / "envelope.json");
   }

@@ -5,33 +5,14 @@
 #include <map>
 #include <utility>
 
-#include "harness/cli/client_flag.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
-#include "harness/report/build_id.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/terminal/lines.h"
 
 namespace tiltproof::harness {
-namespace {
-
-RunInfo InfoOf(const EnvelopeSide& side, const FlightJob& first, const EnvelopeOptions& options) {
-  RunInfo info;
-  info.suite = side.type;
-  info.started = UtcNow();
-  info.seed = first.scenario.seed;
-  info.client = first.means.client_text();
-  for (const auto& [id, client] : first.means.clients.by_id) info.clients.emplace(id, ToText(client));
-  info.build = BuildOf(first.means.clients);
-  info.machine = ThisMachine();
-  info.command = options.command;
-  return info;
-}
-
-}  // namespace
-
 KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<SideFlight>& sides,
                         const EnvelopeOptions& options) {
   // A run for each client and type: pages of a size that opens quickly.
@@ -40,7 +21,7 @@ KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<S
   std::map<std::string, std::filesystem::path> run_of;
   for (const SideFlight& flight : sides) {
     const std::filesystem::path run = folder / flight.side.run_folder(), own = run / flight.job.name;
-    infos.try_emplace(run, InfoOf(flight.side, flight.job, options));
+    infos.try_emplace(run, LockstepRunInfo(flight.side.type, flight.job, options.command));
     FlightJob& job = runs[run].emplace_back(flight.job);
     job.recorder = RecorderIn(own, Keep::kAll);
     job.replay = fmt::format("{} replay {}", options.command.front(), own.string());

@@ -12,11 +12,11 @@ namespace tiltproof::harness {
 namespace {
 
 constexpr auto kRegistrations = {
-    RegisterRun,      RegisterCheck,    RegisterNew,       RegisterFaults,    RegisterReplay,
-    RegisterScore,    RegisterReport,   RegisterExport,    RegisterCompare,   RegisterMargin,
-    RegisterEnvelope, RegisterCampaign, RegisterMinimise,  RegisterSearch,    RegisterWhy,
-    RegisterFuzz,     RegisterVehicle,  RegisterDesignLqr, RegisterNode,      RegisterDoctor,
-    RegisterFrame,    RegisterLinkDump, RegisterProtocol,  RegisterIntegrity, RegisterManual};
+    RegisterRun,       RegisterCheck,  RegisterNew,     RegisterFaults, RegisterReplay,   RegisterScore,
+    RegisterReport,    RegisterExport, RegisterCompare, RegisterMargin, RegisterEnvelope, RegisterCampaign,
+    RegisterMinimise,  RegisterSearch, RegisterWhy,     RegisterFuzz,   RegisterSession,  RegisterVehicle,
+    RegisterDesignLqr, RegisterNode,   RegisterDoctor,  RegisterFrame,  RegisterLinkDump, RegisterProtocol,
+    RegisterIntegrity, RegisterManual};
 
 // Returns the exit code.
 int Act(const CommandLine& line) {

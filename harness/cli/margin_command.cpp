@@ -176,9 +176,9 @@ int MarginCommand(const MarginOptions& options) {
 
   const InterruptScope scope;
   Trials trials({.jobs_count = options.jobs_count,
-                 .seeds_count = options.repeat_count,
                  .interrupted = InterruptScope::flag(),
-                 .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); }});
+                 .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); }},
+                options.repeat_count);
   const auto margin = FindMargins(trials, tasks,
                                   {.tolerance = options.tolerance,
                                    .on_level =

@@ -28,8 +28,9 @@ namespace {
 struct NodeCommandOptions {
   std::string kind;
   std::string name;
-  std::string client;  // of client and link nodes
-  std::string input;   // of joystick nodes
+  std::string client;     // of client and link nodes
+  std::string client_id;  // the same, of several clients
+  std::string input;      // of joystick nodes
   int domain = 0;
   std::string tag;
   std::string interface;
@@ -119,6 +120,21 @@ void TellWhere(const NodeOptions& node, const std::string& kind) {
   PrintLine(stderr, 0, text);
 }
 
+// Throws UsageError for a flag that this kind of node does not have.
+void CheckFlags(const NodeCommandOptions& options) {
+  const bool takes_client = options.kind == "client" || options.kind == "link";
+  if (!options.client.empty() && !takes_client)
+    throw UsageError(fmt::format("--client: a {} node has none", options.kind));
+  if (!options.client_id.empty() && !takes_client)
+    throw UsageError(fmt::format("--id: a {} node serves all clients", options.kind));
+  if (options.http_port && options.kind != "monitor")
+    throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
+  if (!options.run.empty() && options.kind != "monitor")
+    throw UsageError(fmt::format("--run: a {} node has none; a monitor has one", options.kind));
+  if (!options.input.empty() && options.kind != "joystick")
+    throw UsageError(fmt::format("--input: a {} node has none", options.kind));
+}
+
 int NodeCommand(const NodeCommandOptions& options) {
   if (!options.lockstep.empty()) return ServeLockstep(options);
   NodeOptions node;
@@ -131,17 +147,10 @@ int NodeCommand(const NodeCommandOptions& options) {
               .peers = options.peers,
               .xmit_loss = options.xmit_loss};
   if (!options.child.empty()) node.harness = HarnessOf(options);
+  node.client_id = options.client_id;
   node.load = LoadAnnounced;
 
-  const bool takes_client = options.kind == "client" || options.kind == "link";
-  if (!options.client.empty() && !takes_client)
-    throw UsageError(fmt::format("--client: a {} node has none", options.kind));
-  if (options.http_port && options.kind != "monitor")
-    throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
-  if (!options.run.empty() && options.kind != "monitor")
-    throw UsageError(fmt::format("--run: a {} node has none; a monitor has one", options.kind));
-  if (!options.input.empty() && options.kind != "joystick")
-    throw UsageError(fmt::format("--input: a {} node has none", options.kind));
+  CheckFlags(options);
 
   MakeRole make_role;
   switch (node.kind) {
@@ -200,6 +209,10 @@ void RegisterNode(CLI::App& program, CommandLine& line) {
   command->add_option("--client", options->client,
                       "client: host, library:FILE, qemu[:ELF] or process:CMD; link: "
                       "serial:DEV[,REFDEV][,reset=HOW] of a board");
+  command
+      ->add_option("--id", options->client_id,
+                   "client, link: the id of the client in scenarios with several; each has both nodes")
+      ->type_name("ID");
   command->add_option("--input", options->input, "joystick: /dev/input/js0, an event device, or a recording");
   command->add_option("--name", options->name, "Name on the bus (default: kind, host and process)");
   AddBus(*command, options->domain, options->interface, options->peers);

@@ -13,6 +13,7 @@
 #include "harness/cli/run_folder.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/cli/temporary_folder.h"
 #include "harness/client/firmware_files.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/report/build_id.h"
@@ -30,42 +31,6 @@ namespace {
 struct ReplayOptions {
   std::filesystem::path run;
   std::string program = "tiltproof";  // as it was called, for the commands that are printed
-};
-
-// The folder of a replay's flights. Removed at the end, in every case, unless its path was printed.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::error_code error;
-    const auto parent = std::filesystem::temp_directory_path(error);
-    const char* tmpdir = std::getenv("TMPDIR");
-    if (error)
-      throw FileError(
-          fmt::format("no folder for the flights of a replay: TMPDIR is '{}', which is not a folder",
-                      tmpdir == nullptr ? "/tmp" : tmpdir));
-    std::string name = (parent / "tiltproof-replay-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr)
-      throw FileError(fmt::format("cannot create {}: {}; TMPDIR names another folder for it", name,
-                                  std::strerror(errno)));
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code error;
-    if (!kept_) std::filesystem::remove_all(path_, error);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-  // The folder of one flight, for a message.
-  std::string Keep(const std::string& flight) {
-    kept_ = true;
-    return (path_ / flight).string();
-  }
-
- private:
-  std::filesystem::path path_;
-  bool kept_ = false;
 };
 
 // The reason that a flight has no trace that another one could equal; empty when it has.
@@ -200,7 +165,7 @@ int ReplayCommand(const ReplayOptions& options) {
   const bool unfinished = run.whole && run.info.interrupted;
   PrintReservations(run, BuildOf(means.clients), unfinished);
   if (Emulates(means.clients.Named())) TestLockstep(LockstepPlugin());
-  TemporaryFolder folder;
+  TemporaryFolder folder("replay");
   Repeatable flights = LoadRepeatable(run, means, options.program, folder.path());
   if (run.whole && run.info.keep != Keep::kAll)
     PrintLine(stdout, 0,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "harness/cli/client_flag.h"
 #include "harness/cli/run_folder.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
@@ -16,6 +17,21 @@ constexpr SteadyClock::duration kRefreshEvery = std::chrono::seconds(1);
 constexpr int kWritingShare = 20;
 
 }  // namespace
+
+RunInfo LockstepRunInfo(const std::string& suite, const FlightJob& flight,
+                        const std::vector<std::string>& command) {
+  RunInfo info;
+  info.suite = suite;
+  info.started = UtcNow();
+  info.seed = flight.scenario.seed;
+  info.client = flight.means.client_text();
+  for (const auto& [id, client] : flight.means.clients.by_id) info.clients.emplace(id, ToText(client));
+  info.build = BuildOf(flight.means.clients);
+  info.machine = ThisMachine();
+  info.command = command;
+  info.trace = TraceFormat::kCsv;
+  return info;
+}
 
 RunRecord::RunRecord(std::filesystem::path folder, RunInfo info, const std::vector<FlightJob>& jobs)
     : folder_(std::move(folder)), info_(std::move(info)), due_(SteadyClock::now()) {

@@ -19,6 +19,10 @@
 
 namespace tiltproof::harness {
 
+// Describes a run in lockstep of flights with the clients and the seed of this one. `command`: as typed.
+RunInfo LockstepRunInfo(const std::string& suite, const FlightJob& flight,
+                        const std::vector<std::string>& command);
+
 class RunRecord {
  public:
   // Writes run.json, results.json, junit.xml and an empty events.jsonl. Throws FileError, as Finish does.

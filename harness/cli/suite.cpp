@@ -158,6 +158,8 @@ std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleS
   std::vector<std::string> columns = Trace(TraceLayout(vehicle, scenario).columns).columns();
   for (std::size_t i = 0; i < scenario.client_count(); ++i)
     columns.push_back(SupervisorStateColumn(scenario, i));
+  for (std::size_t i = 0; scenario.has_several_clients() && i < scenario.client_count(); ++i)
+    columns.push_back(RoleColumn(scenario, i));
   return SignalNames(columns);
 }
 
@@ -247,6 +249,13 @@ std::vector<std::string> ProblemsOf(const Scenario& scenario, const plant::Vehic
       problems.push_back(fmt::format("{}, with --set {}", ToString(problem), ToText(settings.front())));
   }
   throw UsageError(fmt::format("{}", fmt::join(problems, "\n")));
+}
+
+std::runtime_error CannotBegin(const faults::FaultSpec& fault) {
+  return std::runtime_error(
+      fmt::format("{} cannot be injected: only faults on the wire, its frames, sensors, actuators and the "
+                  "plant can begin while a flight goes on; put it into the scenario",
+                  fault.type));
 }
 
 }  // namespace
@@ -355,16 +364,16 @@ LoadedScenario LoadAnnounced(const std::string& yaml) {
 
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
   ModelCache models;
+  Scenario more = WithFault(scenario, fault, models);
+  if (faults::FindFaultType(more.faults.back().type)->As<faults::ReceiverKind>() != nullptr)
+    throw CannotBegin(more.faults.back());
+  return more;
+}
+
+Scenario WithFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models) {
   Scenario more = AddFault(scenario, fault, MakeReadOptions(models));
-  const faults::FaultSpec& added = more.faults.back();
-  const faults::FaultType* type = faults::FindFaultType(added.type);
-  if (type == nullptr ||
-      !type->IsOneOf<faults::WireKind, faults::SensorKind, faults::ActuatorKind, faults::PlantKind>())
-    throw std::runtime_error(
-        fmt::format("{} cannot be injected: only faults on the wire, its frames, sensors, actuators and the "
-                    "plant can begin while a "
-                    "flight goes on; put it into the scenario",
-                    added.type));
+  const faults::FaultType* type = faults::FindFaultType(more.faults.back().type);
+  if (type == nullptr || type->is_command()) throw CannotBegin(more.faults.back());
   return more;
 }
 

@@ -93,7 +93,9 @@ std::optional<ClientStatus> CalledClient::Status() {
 
 ClientSample CalledClient::Sample() {
   const auto status = AskStatus();
-  return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt, .watched = {}};
+  return {.supervisor_state = status ? std::optional(status->supervisor_state) : std::nullopt,
+          .watched = {},
+          .role = AskRole()};
 }
 
 void CalledClient::LogOutput(BootTime now) {

@@ -1,10 +1,9 @@
 // A client that acts only when it is called: a library, or a program that answers messages. What both have in common is
 // here: its clock, which a fault may falsify, the resets and delays that faults command, and its output.
 //
-//   class Echo : public CalledClient { ... };
-//   Echo echo(host);
-//   echo.Command(faults::DeviceCommands(scenario.faults, scenario.seed), origin);
-//   const BootTime wake = echo.Grant(now, now);   // calls RunFirmware() at what its clock shows, unless it is held
+//   BootTime WakeOf(CalledClient& client, BootTime now) {
+//     return client.Grant(now, now);   // calls RunFirmware() at what its clock shows, unless it is held
+//   }
 #pragma once
 
 #include <deque>
@@ -39,6 +38,7 @@ class CalledClient : public Client {
   virtual TimeNs RunFirmware(TimeNs shown) = 0;
   virtual TimeNs ResetFirmware(TimeNs shown) = 0;
   virtual std::optional<ClientStatus> AskStatus() = 0;
+  virtual std::optional<std::uint32_t> AskRole() = 0;
   // Passes complete lines of its output to LogLine(), or also what has no end yet.
   virtual void TakeOutput(bool all) = 0;
 

@@ -33,7 +33,8 @@ struct ClientSample {
   std::optional<std::uint32_t> supervisor_state;  // none: it tells none
   std::vector<double>
       watched;  // the variables that the scenario watches, in its order; a client without an image has none
-  TILTPROOF_FIELDS(supervisor_state, watched)
+  std::optional<std::uint32_t> role = {};  // among several clients; none: it tells none
+  TILTPROOF_FIELDS(supervisor_state, watched, role)
 };
 
 // Kinds of DeviceEvent. The firmware reboots: its processor was reset, or its process was restarted.

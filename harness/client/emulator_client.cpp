@@ -106,6 +106,7 @@ class EmulatorClient final : public Client {
     symbols_.emplace(spec.image);
     source_.emplace(spec.image);
     status_ = symbols_->FindRegion(kStatusSymbol);
+    role_ = symbols_->FindRegion(kRoleSymbol);
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     spec_.ideal_lines = lines.main.baud == 0;
     board_.emplace(spec_);
@@ -207,6 +208,7 @@ class EmulatorClient final : public Client {
     ClientSample sample;
     try {
       if (const auto status = ReadStatus()) sample.supervisor_state = status->supervisor_state;
+      sample.role = ReadRole();
       for (const WatchedVariable& variable : watched_)
         sample.watched.push_back(variable.Value(board_->ReadMemory(variable.address, variable.size_bytes)));
     } catch (const EmulatorTrouble& trouble) {
@@ -233,6 +235,18 @@ class EmulatorClient final : public Client {
     if (bytes.size() < sizeof(status)) return std::nullopt;
     std::memcpy(&status, bytes.data(), sizeof(status));
     return status;
+  }
+
+  // Throws EmulatorTrouble.
+  std::optional<std::uint32_t> ReadRole() {
+    if (!role_) return std::nullopt;
+    std::uint32_t role = 0, shift = 0;
+    for (const std::uint8_t byte :
+         board_->ReadMemory(role_->address, std::min<std::uint32_t>(role_->size_bytes, sizeof(role)))) {
+      role |= static_cast<std::uint32_t>(byte) << shift;
+      shift += 8;
+    }
+    return role;
   }
 
   void Send(const faults::DeviceCommand& command, Origin origin) {
@@ -510,7 +524,7 @@ class EmulatorClient final : public Client {
   std::optional<ElfSymbols> symbols_;
   std::optional<SourceLines> source_;
   std::vector<WatchedVariable> watched_;
-  std::optional<MemoryRegion> status_;  // of the image; none: it has no such symbol
+  std::optional<MemoryRegion> status_, role_;  // of the image; none: it has no such symbol
   std::optional<EmulatorProcess> board_;
   std::optional<BoardStacks> stacks_;
   DeviceClock clock_;

@@ -201,6 +201,8 @@ std::string_view Name(FirmwareCall call) {
       return "tiltproof_client_reset";
     case FirmwareCall::kStatus:
       return "tiltproof_client_status";
+    case FirmwareCall::kRole:
+      return "tiltproof_client_role";
     case FirmwareCall::kDestroy:
       return "tiltproof_client_destroy";
   }

@@ -40,6 +40,7 @@ enum class FirmwareCall : std::uint8_t {
   kGrant,
   kReset,
   kStatus,
+  kRole,
   kDestroy
 };
 // The name of the function: "tiltproof_client_grant".

@@ -50,6 +50,7 @@ class Library {
     reset = Symbol<decltype(reset)>("tiltproof_client_reset");
     FirmwareGuard::SetFirmware(reinterpret_cast<const void*>(create));
     status = reinterpret_cast<decltype(status)>(dlsym(handle_, "tiltproof_client_status"));
+    role = reinterpret_cast<decltype(role)>(dlsym(handle_, "tiltproof_client_role"));
     abi_version_ = FirmwareGuard::Call(FirmwareCall::kVersion, [&] { return version(); });
     if (abi_version_ < kOldestVersion || abi_version_ > TILTPROOF_CLIENT_ABI_VERSION)
       throw std::runtime_error(
@@ -67,6 +68,7 @@ class Library {
   decltype(&tiltproof_client_receive) receive = nullptr;
   decltype(&tiltproof_client_grant) grant = nullptr;
   decltype(&tiltproof_client_status) status = nullptr;  // may be missing
+  decltype(&tiltproof_client_role) role = nullptr;      // may be missing
   decltype(&tiltproof_client_reset) reset = nullptr;
 
  private:
@@ -179,6 +181,10 @@ class LibraryClient final : public CalledClient {
     TiltproofClientStatus status{};
     Guarded(FirmwareCall::kStatus, [&] { library_.status(client_, &status); });
     return ClientStatus{status.supervisor_state, status.failsafe_count};
+  }
+  std::optional<std::uint32_t> AskRole() override {
+    if (library_.role == nullptr || lost_) return std::nullopt;
+    return Guarded(FirmwareCall::kRole, [&] { return library_.role(client_); });
   }
   // After a failure the client's state is unknown: it is not called again.
   template <class Function>
@@ -298,11 +304,21 @@ std::optional<std::string> LibraryMistake(const std::filesystem::path& library) 
   return mistake;
 }
 
-bool TellsStatus(const std::filesystem::path& library) {
+namespace {
+
+bool Has(const std::filesystem::path& library, bool (*has)(const Library&)) {
   const std::string yes = "yes";
-  return TryLibrary(library, [&](const Library& loaded) {
-           return loaded.status != nullptr ? yes : std::string();
-         }) == yes;
+  return TryLibrary(library, [&](const Library& loaded) { return has(loaded) ? yes : std::string(); }) == yes;
+}
+
+}  // namespace
+
+bool TellsStatus(const std::filesystem::path& library) {
+  return Has(library, [](const Library& loaded) { return loaded.status != nullptr; });
+}
+
+bool TellsRole(const std::filesystem::path& library) {
+  return Has(library, [](const Library& loaded) { return loaded.role != nullptr; });
 }
 
 }  // namespace tiltproof::harness

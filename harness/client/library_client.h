@@ -29,5 +29,7 @@ std::optional<std::string> LibraryMistake(const std::filesystem::path& library);
 
 // True if it has the function tiltproof_client_status, tested in the same way.
 bool TellsStatus(const std::filesystem::path& library);
+// The same for tiltproof_client_role.
+bool TellsRole(const std::filesystem::path& library);
 
 }  // namespace tiltproof::harness

@@ -60,6 +60,7 @@ class ProgramClient final : public CalledClient {
             fmt::format("{} speaks version {} of docs/program.md, this tiltproof version {}", spec_.name,
                         answer.version, TILTPROOF_PROGRAM_VERSION));
       tells_status_ = answer.tells_status;
+      if (answer.tells_role) role_ = 0;
     });
   }
 
@@ -96,6 +97,7 @@ class ProgramClient final : public CalledClient {
   std::optional<ClientStatus> AskStatus() override {
     return tells_status_ && !lost_ ? std::optional(status_) : std::nullopt;
   }
+  std::optional<std::uint32_t> AskRole() override { return lost_ ? std::nullopt : role_; }
   void TakeOutput(bool all) override {
     if (process_) process_->TakeOutput(all);
   }
@@ -117,8 +119,12 @@ class ProgramClient final : public CalledClient {
       SendExchange(what);
       for (;;) {
         const ProgramMessage message = process_->Next();
-        if (message.kind == ProgramMessage::Kind::kWaiting) return std::max<TimeNs>(message.time_ns, 0);
-        Take(message, what);
+        if (message.kind != ProgramMessage::Kind::kWaiting) {
+          Take(message, what);
+          continue;
+        }
+        process_->EndAnswer();
+        return std::max<TimeNs>(message.time_ns, 0);
       }
     });
   }
@@ -138,6 +144,7 @@ class ProgramClient final : public CalledClient {
         status_ = {message.supervisor_state, message.failsafe_count};
         return;
       case ProgramMessage::Kind::kRole:
+        if (role_) role_ = static_cast<std::uint32_t>(message.number);
         return;
       case ProgramMessage::Kind::kLog:
         // Earlier output comes first.
@@ -184,6 +191,7 @@ class ProgramClient final : public CalledClient {
   std::vector<std::uint8_t> out_;  // of the next exchange
   bool tells_status_ = false;
   ClientStatus status_;
+  std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none
   bool lost_ = false;
   bool over_ = false;
   std::unique_ptr<ProgramProcess> process_;

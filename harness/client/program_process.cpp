@@ -204,6 +204,14 @@ ProgramMessage ProgramProcess::Next() {
   }
 }
 
+void ProgramProcess::EndAnswer() const {
+  if (!reader_.empty())
+    throw FirmwareTrouble(
+        false,
+        fmt::format("the firmware broke the protocol of docs/program.md in {}: it sent more behind `waiting`",
+                    what_));
+}
+
 // False when nothing came.
 bool ProgramProcess::Receive(int flags) {
   std::array<std::uint8_t, 65536> buffer;

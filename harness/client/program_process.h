@@ -58,6 +58,8 @@ class ProgramProcess {
   void Answer(std::span<const std::uint8_t> bytes) { SendAll(bytes); }
   // The next message of the answer. Throws FirmwareTrouble: it ended, hung, stopped itself or broke the protocol.
   ProgramMessage Next();
+  // Ends the exchange. Throws FirmwareTrouble when the answer goes on.
+  void EndAnswer() const;
 
   // Passes on what it has printed: complete lines, or everything. Of what it prints between two calls, 1 MiB is kept.
   void TakeOutput(bool all);

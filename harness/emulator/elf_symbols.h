@@ -22,6 +22,8 @@ class ElfFile;
 
 // An image may have a TiltproofClientStatus of this name (firmware/tiltproof_client.h), which is read in flight.
 inline constexpr std::string_view kStatusSymbol = "tiltproof_status";
+// And one of this name with its role among several boards, of up to four bytes, the least significant first.
+inline constexpr std::string_view kRoleSymbol = "tiltproof_role";
 
 class ElfSymbols {
  public:

@@ -15,6 +15,7 @@
 #include "harness/run/realtime/injection.h"
 #include "harness/run/record.h"
 #include "harness/run/remote/distributed_flight.h"
+#include "harness/run/steered_flight.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
@@ -66,6 +67,10 @@ struct FlightJob {
   std::function<std::unique_ptr<RecordSink>()> observe = {};
   // The faults that a user injects into a flight in real time; none: injection is off.
   std::function<Injections()> injections = {};
+  // Steers it, in its worker process, in lockstep with one client: called at power-on and at each row, with the scenario as
+  // it was flown so far. While it waits, it calls `alive` now and then.
+  std::function<void(SteeredFlight& flight, const Scenario& flown, const std::function<void()>& alive)>
+      steer = {};
   // It is this future of the scenario's flight. In lockstep, in one process.
   std::optional<Future> future = {};
   // Futures that are flown beside it, of a library in lockstep.

@@ -83,8 +83,9 @@ RunLog FlyOrFork(const FlightJob& job, FlightOptions options, const std::atomic<
 
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
 // `drawn_before`: as FlyOrFork() sets it.
-// `client`: what must not end before the flight is judged.
-RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
+// `client`: what must not end before the flight is judged. `flown`: gets the changes of a steered flight.
+RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report,
+                  const std::atomic<bool>* interrupted,
                   const std::function<const FlightResult&(const RunLog&)>& score,
                   const Injections* injections, std::uint64_t& drawn_before,
                   std::unique_ptr<Client>& client) {
@@ -101,7 +102,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     return FlyRealtime(scenario, *job.model,
                        {.program = ProgramFile(),
                         .scenario_yaml = WriteResolved(scenario),
-                        .client = means.ClientsOf(scenario).front(),
+                        .clients = means.ClientsOf(scenario),
                         .attach = means.attach,
                         .place = place,
                         .interface = means.interface,
@@ -126,6 +127,7 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
     ClientSettings settings = SettingsOf(scenario);
     settings.debug = means.debug;
     settings.coverage = job.coverage;
+    settings.lines.faulty = settings.lines.faulty || job.steer;
     settings.parameters = [&] { return ClientParameters(scenario, *job.model); };
     const ClientSpec& spec = processes.clients.front();
     if (means.debug)
@@ -141,6 +143,11 @@ RunLog FlyByMeans(const FlightJob& job, WorkerReport& report, const std::atomic<
   options.interrupted = interrupted;
   const std::unique_ptr<RecordSink> observer = job.observe ? job.observe() : nullptr;
   options.observer = observer.get();
+  options.flown = &flown;
+  if (job.steer)
+    options.steer = [&](SteeredFlight& flight) {
+      job.steer(flight, flown, [&report] { report.progress_ns.fetch_add(1, std::memory_order_relaxed); });
+    };
   return FlyOrFork(job, std::move(options), interrupted, drawn_before);
 }
 
@@ -164,7 +171,7 @@ void BlameForChanges(const ProcessState& before, RunLog& log) {
 FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
                     const std::optional<ProcessState>& before, std::unique_ptr<Client>& client,
                     bool& cut_short) {
-  Scenario scenario = job.scenario;  // and what is injected
+  Scenario scenario = job.scenario;  // as flown: with what is injected
   std::optional<Injections> injections;
   if (job.means.realtime && job.injections) {
     injections = job.injections();
@@ -182,8 +189,8 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
   };
   std::uint64_t drawn_before = faults::Random::DrawnCount();
   const pid_t worker = getpid();
-  RunLog log =
-      FlyByMeans(job, report, interrupted, score, injections ? &*injections : nullptr, drawn_before, client);
+  RunLog log = FlyByMeans(job, scenario, report, interrupted, score, injections ? &*injections : nullptr,
+                          drawn_before, client);
   EndCopyOf(worker);
   if (before) BlameForChanges(*before, log);
   // Flights of several processes draw elsewhere.
@@ -207,7 +214,7 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     }
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
-    if (scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);
+    if (job.steer || scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);
     job.recorder.end(scenario, log, *result);
   } catch (const std::exception& error) {
     throw RecordingError(error.what());

@@ -139,12 +139,21 @@ class Printer {
   std::string& out_;
 };
 
+bool HasTimeOperators(const Node& node) {
+  if (node.op == Op::kAlways || node.op == Op::kEventually || node.op == Op::kUntil) return true;
+  return (node.left && HasTimeOperators(*node.left)) || (node.right && HasTimeOperators(*node.right));
+}
+
 }  // namespace
 
 std::string ToString(const Formula& formula) {
   std::string text;
   Printer(text).Print(*formula);
   return text;
+}
+
+Formula BodyOfAlways(const Formula& formula) {
+  return formula->op == Op::kAlways && !HasTimeOperators(*formula->left) ? formula->left : nullptr;
 }
 
 double Apply(Op op, double left, double right) {

@@ -62,9 +62,10 @@ inline constexpr double kWindowMax_s = 1e6;
 
 // Names that a formula may use. A signal active_<id> belongs to each fault.
 struct Vocabulary {
-  std::span<const std::string> signals;
+  std::span<const std::string> signals = {};
   std::span<const std::string> fault_ids = {};
   bool of_one_row = false;  // no time operators and no fault_active
+  bool any_name = false;    // signals and faults were checked before
 };
 
 // A flight's trace has one column of this prefix for each fault, 0 or 1.
@@ -75,6 +76,9 @@ Formula Parse(std::string_view text, const Vocabulary& vocabulary);
 
 // Canonical text, with all parentheses: Parse(ToString(f)) has the same text.
 std::string ToString(const Formula& formula);
+
+// The X of `always(X)` or `always[a,b](X)`, when X has no time operators; otherwise null.
+Formula BodyOfAlways(const Formula& formula);
 
 // The value of an operator on numbers; NaN when an operand is NaN.
 double Apply(Op op, double left, double right);

@@ -298,12 +298,13 @@ class Parser {
   }
 
   bool IsFault(std::string_view id) const {
-    return std::find(vocabulary_.fault_ids.begin(), vocabulary_.fault_ids.end(), id) !=
-           vocabulary_.fault_ids.end();
+    return vocabulary_.any_name || std::find(vocabulary_.fault_ids.begin(), vocabulary_.fault_ids.end(),
+                                             id) != vocabulary_.fault_ids.end();
   }
   // A flight's trace also has a column active_<id> for each fault.
   bool IsSignal(std::string_view word) const {
-    if (std::find(vocabulary_.signals.begin(), vocabulary_.signals.end(), word) != vocabulary_.signals.end())
+    if (vocabulary_.any_name ||
+        std::find(vocabulary_.signals.begin(), vocabulary_.signals.end(), word) != vocabulary_.signals.end())
       return true;
     return word.starts_with(kActivePrefix) && IsFault(word.substr(kActivePrefix.size()));
   }

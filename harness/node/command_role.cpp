@@ -13,6 +13,7 @@
 #include "harness/node/roles.h"
 #include "harness/process/orphans.h"
 #include "harness/run/client_parameters.h"
+#include "harness/run/realtime/client_parts.h"
 #include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
@@ -29,17 +30,19 @@ class CommandRole final : public Role {
   CommandRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         command_(std::get<Program>(*options.client).command),
+        client_id_(options.client_id),
         states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
+    place_ = ClientPlace(scenario_, client_id_);
     parameters_ = ClientParameters(loaded.scenario, *loaded.model);
     return {};
   }
 
   void Arm(const Ports& ports) override {
-    port_ = FindPort(ports, "client");
-    reference_port_ = FindPort(ports, "client_reference");
+    port_ = FindPort(ports, PartName(scenario_, "client", place_));
+    reference_port_ = FindPort(ports, PartName(scenario_, "client_reference", place_));
   }
 
   void Start() override {
@@ -49,7 +52,7 @@ class CommandRole final : public Role {
                                    .reference_port = reference_port_,
                                    .baud = scenario_.link.port_baud(),
                                    .reference_baud = scenario_.link.reference_port_baud(),
-                                   .firmware = scenario_.firmware,
+                                   .firmware = scenario_.firmware_of(place_),
                                    .dialect = DialectOf(*scenario_.link.protocol),
                                    .parameters = parameters_};
     ChildSpec spec;
@@ -77,16 +80,15 @@ class CommandRole final : public Role {
   void Flush() override {
     if (!process_) return;
     for (auto& line : process_->TakeLines())
-      services_.log().Write({log_origin_.SimulationTime(line.time_ns), kClientPlace,
-                             record::FirmwareText{std::move(line.text)}});
+      services_.log().Write(
+          {log_origin_.SimulationTime(line.time_ns), place_, record::FirmwareText{std::move(line.text)}});
   }
 
   void Stop() override {
     if (process_) process_->ReadAll();
     Flush();
     if (use_)
-      services_.log().Write(
-          {0, kClientPlace, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
+      services_.log().Write({0, place_, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
     use_.reset();
     watch_.reset();
     process_.reset();
@@ -103,7 +105,8 @@ class CommandRole final : public Role {
   }
 
   NodeServices& services_;
-  std::string command_;
+  std::string command_, client_id_;
+  std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
   std::string parameters_;  // TiltproofHost::parameters of firmware/tiltproof_client.h
   std::string port_, reference_port_;

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "faults/device_command.h"
+#include "harness/run/client_channel.h"
 #include "harness/scenario/scenario.h"
 #include "link/overloaded.h"
 
@@ -22,8 +23,9 @@ class DeafReceiver {
  public:
   // Hears everything.
   DeafReceiver() = default;
-  explicit DeafReceiver(const Scenario& scenario) {
-    for (const faults::DeviceCommand& command : faults::DeviceCommands(scenario.faults, scenario.seed))
+  // `client`: its place in the scenario.
+  explicit DeafReceiver(const Scenario& scenario, std::size_t client = 0) {
+    for (const faults::DeviceCommand& command : ClientCommands(scenario, client))
       if (const auto register_free = HearsNextByte(command.action))
         spans_.push_back({command.at_ns, command.until_ns, *register_free});
   }

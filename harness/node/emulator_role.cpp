@@ -15,6 +15,9 @@
 #include "harness/emulator/elf_symbols.h"
 #include "harness/node/emulated_board.h"
 #include "harness/node/roles.h"
+#include "harness/run/client_channel.h"
+#include "harness/run/line.h"
+#include "harness/run/realtime/client_parts.h"
 #include "harness/run/realtime/log_messages.h"
 #include "link/overloaded.h"
 
@@ -30,18 +33,19 @@ class EmulatorRole final : public Role {
   EmulatorRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         image_(std::get<EmulatedImage>(*options.client)),
+        client_id_(options.client_id),
         timer_(services.loop()),
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
-    spec_ = BoardOf(image_, scenario_.firmware, *scenario_.link.protocol);
+    place_ = ClientPlace(scenario_, client_id_);
+    spec_ = BoardOf(image_, scenario_.firmware_of(place_), *scenario_.link.protocol);
     const ElfSymbols symbols(spec_.image);
     if (const auto region = symbols.FindRegion(kStatusSymbol)) status_address_ = region->address;
-    counts_.emplace(scenario_.faults, scenario_.seed,
-                    faults::FaultSchedule::Place{.protocol = scenario_.link.protocol});
-    for (faults::DeviceCommand& command : faults::DeviceCommands(scenario_.faults, scenario_.seed)) {
+    counts_.emplace(ClientFaults(scenario_, place_));
+    for (faults::DeviceCommand& command : ClientCommands(scenario_, place_)) {
       std::vector<MemoryBit> bits;
       if (const auto* flips = std::get_if<faults::FlipBits>(&command.action))
         bits = DrawBits(*flips, symbols);
@@ -51,8 +55,8 @@ class EmulatorRole final : public Role {
   }
 
   void Arm(const Ports& ports) override {
-    BoardWiring wiring{.main_port = FindPort(ports, "client"),
-                       .reference_port = FindPort(ports, "client_reference")};
+    BoardWiring wiring{.main_port = FindPort(ports, PartName(scenario_, "client", place_)),
+                       .reference_port = FindPort(ports, PartName(scenario_, "client_reference", place_))};
     for (const auto& planned : commands_) wiring.debugger |= !planned.bits.empty();
     board_.emplace(services_, scenario_, spec_, wiring,
                    EmulatedBoard::Callbacks{.reset = [this](bool by_firmware) { OnReset(by_firmware); },
@@ -77,7 +81,7 @@ class EmulatorRole final : public Role {
     if (status_address_)
       board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
         status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
-        services_.log().Write({SimNow(), kClientPlace, record::State{words[0]}});
+        services_.log().Write({SimNow(), place_, record::State{words[0]}});
       });
   }
 
@@ -95,15 +99,15 @@ class EmulatorRole final : public Role {
       for (auto& [at, block] : board_->Unmodelled()) {
         const TimeNs time_ns = origin_.SimulationTime(at);
         const std::string text = "the firmware uses " + block.text;
-        services_.Note(time_ns, kUnmodelledEvent, text);
-        services_.log().Write({time_ns, kClientPlace, record::FirmwareText{text}});
+        services_.Note(time_ns, kUnmodelledEvent, text, Whose(scenario_, place_));
+        services_.log().Write({time_ns, place_, record::FirmwareText{text}});
         totals.unmodelled_blocks.push_back(std::move(block.name));
       }
       WriteLines(true);
       WriteActivations();
-      services_.log().Write({0, kClientPlace, record::ActivationCounts{counts_->ActivationCounts()}});
+      services_.log().Write({0, place_, record::ActivationCounts{counts_->ActivationCounts()}});
       if (status_) totals.failsafe_entered_count = status_->failsafe_count;
-      services_.log().Write({0, kClientPlace, std::move(totals)});
+      services_.log().Write({0, place_, std::move(totals)});
     }
     board_.reset();
   }
@@ -131,20 +135,20 @@ class EmulatorRole final : public Role {
 
   void Note(std::string kind, std::string text) {
     const TimeNs time_ns = origin_.known() ? SimNow() : 0;
-    services_.Note(time_ns, std::move(kind), std::move(text));
+    services_.Note(time_ns, std::move(kind), std::move(text), Whose(scenario_, place_));
   }
 
   void WriteActivations() {
     for (faults::Activation& activation : counts_->TakeActivations()) {
       const TimeNs time_ns = activation.time_ns;
-      services_.log().Write({time_ns, kClientPlace, std::move(activation)});
+      services_.log().Write({time_ns, place_, std::move(activation)});
     }
   }
 
   void WriteLines(bool last) {
     for (auto& line : board_->TakeLines(last))
       services_.log().Write(
-          {origin_.SimulationTime(line.time_ns), kClientPlace, record::FirmwareText{std::move(line.text)}});
+          {origin_.SimulationTime(line.time_ns), place_, record::FirmwareText{std::move(line.text)}});
   }
 
   void OnReset(bool by_firmware) {
@@ -242,6 +246,8 @@ class EmulatorRole final : public Role {
 
   NodeServices& services_;
   EmulatedImage image_;
+  std::string client_id_;
+  std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;

@@ -10,6 +10,7 @@
 #include "harness/client/make_client.h"
 #include "harness/node/roles.h"
 #include "harness/run/client_parameters.h"
+#include "harness/run/realtime/client_parts.h"
 #include "harness/scenario/protocol_file.h"
 #include "link/chunk.h"
 #include "link/serial_port.h"
@@ -30,12 +31,15 @@ class LibraryRole final : public Role {
   LibraryRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         firmware_(*options.client),
+        client_id_(options.client_id),
         timer_(services.loop()),
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
+    place_ = ClientPlace(scenario_, client_id_);
+    const std::string& build = scenario_.firmware_of(place_);
     rate_ = scenario_.link.main_rate();
     const ClientHost host = {
         .transmit =
@@ -44,13 +48,12 @@ class LibraryRole final : public Role {
             },
         .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
     std::function<std::string()> parameters;
-    if (TakesParameters(std::get<HostLibrary>(firmware_), scenario_.firmware))
+    if (TakesParameters(std::get<HostLibrary>(firmware_), build))
       parameters = [&loaded] { return ClientParameters(loaded.scenario, *loaded.model); };
     try {
-      client_ =
-          LoadLibraryClient(FirmwareFile(firmware_, scenario_.firmware, DialectOf(*scenario_.link.protocol)),
-                            scenario_.firmware, DialectOf(*scenario_.link.protocol), host,
-                            std::make_unique<CapturedOutput>(), false, parameters);
+      client_ = LoadLibraryClient(FirmwareFile(firmware_, build, DialectOf(*scenario_.link.protocol)), build,
+                                  DialectOf(*scenario_.link.protocol), host,
+                                  std::make_unique<CapturedOutput>(), false, parameters);
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
       trouble_ = trouble;
@@ -59,8 +62,9 @@ class LibraryRole final : public Role {
   }
 
   void Arm(const Ports& ports) override {
-    Open(Uart::kMain, FindPort(ports, "client"), scenario_.link.port_baud());
-    Open(Uart::kReference, FindPort(ports, "client_reference"), scenario_.link.reference_port_baud());
+    Open(Uart::kMain, FindPort(ports, PartName(scenario_, "client", place_)), scenario_.link.port_baud());
+    Open(Uart::kReference, FindPort(ports, PartName(scenario_, "client_reference", place_)),
+         scenario_.link.reference_port_baud());
   }
 
   void Start() override {
@@ -73,9 +77,9 @@ class LibraryRole final : public Role {
     if (!origin_.known()) return;
     for (auto& [time, text] : std::exchange(lines_, {}))
       services_.log().Write(
-          {origin_.SimulationTime(OfNode(time)), kClientPlace, record::FirmwareText{std::move(text)}});
+          {origin_.SimulationTime(OfNode(time)), place_, record::FirmwareText{std::move(text)}});
     for (const auto& [time, state] : std::exchange(states_to_write_, {}))
-      services_.log().Write({origin_.SimulationTime(OfNode(time)), kClientPlace, record::State{state}});
+      services_.log().Write({origin_.SimulationTime(OfNode(time)), place_, record::State{state}});
   }
 
   void Stop() override {
@@ -94,7 +98,7 @@ class LibraryRole final : public Role {
       }
     }
     totals.firmware_end = firmware_end_;
-    services_.log().Write({0, kClientPlace, std::move(totals)});
+    services_.log().Write({0, place_, std::move(totals)});
   }
 
  private:
@@ -187,6 +191,8 @@ class LibraryRole final : public Role {
 
   NodeServices& services_;
   ClientSpec firmware_;
+  std::string client_id_;
+  std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
   link::LineRate rate_;
   std::unique_ptr<Client> client_;

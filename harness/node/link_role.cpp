@@ -12,6 +12,7 @@
 #include "harness/node/roles.h"
 #include "harness/run/line.h"
 #include "harness/run/message_receiver.h"
+#include "harness/run/realtime/client_parts.h"
 #include "harness/run/realtime/send_backlog.h"
 #include "harness/run/reference_frame.h"
 #include "harness/run/reference_talk.h"
@@ -45,23 +46,28 @@ class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
+        client_id_(options.client_id),
         board_(options.client ? std::get<SerialBoard>(*options.client) : SerialBoard{}),
         timer_(services.loop()),
         boot_timer_(services.loop()),
         references_(services.bus(), services.members(),
-                    InLoop(services.loop(), alive_, [this] { OnReferences(); })) {}
+                    InLoop(services.loop(), alive_, [this] { OnReferences(); })),
+        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
+  }
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) override {
     client_is_library_ = client && std::holds_alternative<HostLibrary>(*client);
     client_is_emulator_ = client && std::holds_alternative<EmulatedImage>(*client);
     scenario_ = loaded.scenario;
+    place_ = ClientPlace(scenario_, client_id_);
     client_takes_bytes_ = client_is_emulator_ || link::IsSocketName(board_.device);
     if (client_is_emulator_)
       for (const Direction direction : {Direction::kToClient, Direction::kReference})
-        deaf_[static_cast<std::size_t>(direction)] = DeafReceiver(scenario_);
+        deaf_[static_cast<std::size_t>(direction)] = DeafReceiver(scenario_, place_);
     plant_ = std::make_unique<link::Pty>(services_.loop());
     base_station_ = std::make_unique<link::Pty>(services_.loop());
-    Ports ports = {{"plant", plant_->slave_path()}, {"base_station", base_station_->slave_path()}};
+    Ports ports = {{PartName(scenario_, "plant", place_), plant_->slave_path()},
+                   {PartName(scenario_, "base_station", place_), base_station_->slave_path()}};
     Open(client_, board_.device, scenario_.link.port_baud(), "client", ports);
     if (board_.device.empty() || !board_.reference_device.empty())
       Open(reference_, board_.reference_device, scenario_.link.reference_port_baud(), "client_reference",
@@ -72,7 +78,7 @@ class LinkRole final : public Role {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
     }
-    line_.emplace(scenario_, round_trips_, kClientPlace, !hardware, true);
+    line_.emplace(scenario_, round_trips_, place_, !hardware, true);
     if (scenario_.link.protocol->streams()) backlog_.emplace(MakeBacklog());
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
@@ -110,7 +116,7 @@ class LinkRole final : public Role {
     reset_.emplace(
         services_, board_.reset, *client_.serial, [this] { ListenAfterReset(); },
         [this](const std::string& why) {
-          services_.Note(0, "board_reset", why);
+          services_.Note(0, "board_reset", why, Whose(scenario_, place_));
           services_.Fail(EndReason::kNodeLost, why);
         });
   }
@@ -144,11 +150,11 @@ class LinkRole final : public Role {
     const BootTime now = Now();
     const Origin origin = line_->origin().known() ? line_->origin() : Origin(now);
     if (const std::string trouble = reference_talk_->Trouble(); !trouble.empty() && !line_->origin().known())
-      services_.Note(0, kLineTroubleEvent, trouble);
+      services_.Note(0, kLineTroubleEvent, trouble, Whose(scenario_, place_));
     SampleCounts(now);
     // Without t = 0 all records count from now.
     if (!line_->origin().known()) line_->SetOrigin(origin);
-    line_->Finish(std::min(now, origin.ToBootTime(scenario_.duration_ns)));
+    line_->Finish(std::min(now, origin.ToBootTime(scenario_.end_ns())));
   }
 
  private:
@@ -175,7 +181,8 @@ class LinkRole final : public Role {
     return {rate, period_ns / 2 + rate.BytesTime(bytes_count)};
   }
 
-  void Open(End& end, const std::string& device, std::int64_t baud, const char* name, Ports& ports) {
+  void Open(End& end, const std::string& device, std::int64_t baud, const char* port, Ports& ports) {
+    const std::string name = PartName(scenario_, port, place_);
     if (link::IsSocketName(device)) {
       if (const auto trouble = link::SocketTrouble(device)) throw std::runtime_error(*trouble);
       end.socket_name = device;
@@ -187,7 +194,7 @@ class LinkRole final : public Role {
       ports.push_back({name, device});
       const auto latency = end.serial->SetLowLatency();
       if (!latency.advice.empty())
-        services_.Note(0, "adapter", fmt::format("{}: {}", device, latency.advice));
+        services_.Note(0, "adapter", fmt::format("{}: {}", device, latency.advice), Whose(scenario_, place_));
     } else if (client_is_emulator_) {
       end.socket = std::make_unique<link::SocketLine>(services_.loop());
       end.line = end.socket.get();
@@ -227,7 +234,8 @@ class LinkRole final : public Role {
     return [this, name = std::move(name)](const std::string& reason) {
       const std::string text = fmt::format("the {} is gone: {}", name, reason);
       const Origin origin = line_->origin();
-      services_.Note(origin.known() ? origin.SimulationTime(Now()) : 0, "port_lost", text);
+      services_.Note(origin.known() ? origin.SimulationTime(Now()) : 0, "port_lost", text,
+                     Whose(scenario_, place_));
       services_.Fail(EndReason::kNodeLost, text);
     };
   }
@@ -265,6 +273,14 @@ class LinkRole final : public Role {
     }
   }
 
+  void OnStates() {
+    for (const auto& state : states_.Take())
+      // Only the plant's state has it; perhaps only the last state has arrived.
+      if (armed_ && scenario_.has_several_clients() && state.run_id == services_.run_id() &&
+          state.origin_ns != 0 && !line_->origin().known())
+        line_->SetOrigin(Origin(BootTime(state.origin_ns)));
+  }
+
   void Transmit(Direction direction, std::span<const std::uint8_t> bytes) {
     if (!armed_) return;
     const BootTime now = Now();
@@ -296,7 +312,9 @@ class LinkRole final : public Role {
                              : direction == Direction::kToClient ? client_.line
                                                                  : reference_.line;
       while (const auto piece = line_->TakePiece(direction, now)) {
-        if (piece->message != nullptr && origin_.Note(piece->arrival_ns, *piece->message))
+        // With several clients, the plant decides whose message is t = 0.
+        if (piece->message != nullptr && !scenario_.has_several_clients() &&
+            origin_.Note(piece->arrival_ns, *piece->message))
           line_->SetOrigin(origin_.origin());
         services_.lateness().Note(piece->arrival_ns, now);
         std::span<const std::uint8_t> bytes = piece->bytes;
@@ -328,9 +346,9 @@ class LinkRole final : public Role {
   // The counters as they stood on the grid of control periods, for the trace.
   void SampleCounts(BootTime now) {
     if (!line_->origin().known()) return;
-    for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.duration_ns;
+    for (; line_->origin().ToBootTime(next_sample_ns_) <= now && next_sample_ns_ <= scenario_.end_ns();
          next_sample_ns_ += scenario_.link.protocol->control_period_ns)
-      services_.log().Write({next_sample_ns_, kClientPlace, record::Counters{line_->counts()}});
+      services_.log().Write({next_sample_ns_, place_, record::Counters{line_->counts()}});
   }
 
   void JudgeRoundTrip() {
@@ -343,14 +361,16 @@ class LinkRole final : public Role {
     const double median_ms = ToSeconds(*middle) * 1e3;
     services_.Note(now, "client_round_trip",
                    fmt::format("a reply is answered after {:.2f} ms (median of the first {})", median_ms,
-                               kRoundTripSampleCount));
+                               kRoundTripSampleCount),
+                   Whose(scenario_, place_));
     // A client that eats half the delay margin at the median sits behind a buffering adapter, most likely.
     if (*middle <= scenario_.delay_margin_ns / 2 || board_.device.empty()) return;
     services_.Note(
         now, kSlowAdapterEvent,
         fmt::format("{:.1f} ms between reply and actuators: a USB-serial adapter that buffers, most likely. "
                     "It eats the loop's delay margin of {} ms; see `tiltproof doctor --client serial:{}`",
-                    median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device));
+                    median_ms, ToSeconds(scenario_.delay_margin_ns) * 1e3, board_.device),
+        Whose(scenario_, place_));
   }
 
   // The line's records on their way to the log, of which it keeps the first round trips.
@@ -369,7 +389,9 @@ class LinkRole final : public Role {
   RoundTrips round_trips_{services_};
   BootTime now_ns_;  // shown last
   BootTime sent_until_ns_ = BootTime::Earliest();
-  SerialBoard board_;  // on its cables; names nothing when there is none
+  std::string client_id_;
+  std::size_t place_ = 0;  // of the client in the scenario
+  SerialBoard board_;      // on its cables; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;
   std::optional<SendBacklog> backlog_;  // of a server that sends by itself
@@ -394,6 +416,7 @@ class LinkRole final : public Role {
   bool judged_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
   dds::Subscriber<dds::Reference> references_;
+  dds::Subscriber<dds::RunState> states_;
 };
 
 }  // namespace

@@ -39,6 +39,8 @@ struct NodeOptions {
   ScenarioLoader load;
   // Client: the firmware that it is. Link: the board on its cables; without one, it makes pseudo-terminals.
   std::optional<ClientSpec> client;
+  // The same nodes: the id of their client among several.
+  std::string client_id;
   // Joystick: a device, or a recording.
   std::string joystick_source;
 };
@@ -63,8 +65,9 @@ class NodeServices {
   // The nodes of the current run.
   virtual const dds::Circle& members() const = 0;
   virtual RecordSink& log() = 0;
-  void Note(TimeNs time_ns, std::string kind, std::string text) {
-    log().Write({time_ns, {}, record::Event{std::move(kind), std::move(text)}});
+  // `client`: that it concerns, of several.
+  void Note(TimeNs time_ns, std::string kind, std::string text, std::optional<std::size_t> client = {}) {
+    log().Write({time_ns, client, record::Event{std::move(kind), std::move(text)}});
   }
   virtual Lateness& lateness() = 0;
   // Tells the harness the node's state; kFailed ends the run.
@@ -79,7 +82,8 @@ class NodeServices {
 class Role {
  public:
   virtual ~Role() = default;
-  // Returns the ports that it offers to others. `client`: of that kind is the client of the run, as far as it is known.
+  // Returns the ports that it offers to others. `client`: of that kind is the client of a link node, as far as it is
+  // known.
   virtual Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;

@@ -1,6 +1,11 @@
+#include <deque>
+#include <memory>
+#include <vector>
+
 #include "harness/node/roles.h"
 #include "harness/run/message_receiver.h"
 #include "harness/run/plant_server.h"
+#include "harness/run/realtime/client_parts.h"
 #include "link/serial_port.h"
 
 namespace tiltproof::harness {
@@ -17,18 +22,23 @@ class PlantRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     loaded_ = loaded;
     server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), true);
-    receiver_.emplace(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
+    receivers_.clear();
+    for (std::size_t client = 0; client < loaded_.scenario.client_count(); ++client)
+      receivers_.emplace_back(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
+    no_counts_ = AllCounts(loaded_.scenario.client_count());
     return {};
   }
 
   void Arm(const Ports& ports) override {
-    port_ = std::make_unique<link::SerialPort>(services_.loop(), FindPort(ports, "plant"),
-                                               loaded_.scenario.link.port_baud(),
-                                               loaded_.scenario.link.character);
-    port_->Start([this](std::span<const std::uint8_t> bytes) { OnBytes(bytes); },
-                 [this](const std::string& reason) {
-                   services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
-                 });
+    for (std::size_t client = 0; client < receivers_.size(); ++client) {
+      auto& port = ports_.emplace_back(std::make_unique<link::SerialPort>(
+          services_.loop(), FindPort(ports, PartName(loaded_.scenario, "plant", client)),
+          loaded_.scenario.link.port_baud(), loaded_.scenario.link.character));
+      port->Start([this, client](std::span<const std::uint8_t> bytes) { OnBytes(client, bytes); },
+                  [this](const std::string& reason) {
+                    services_.Fail(EndReason::kNodeLost, "the plant's port is gone: " + reason);
+                  });
+    }
   }
 
   void Start() override { SendOwn(services_.clock().Now()); }
@@ -44,25 +54,20 @@ class PlantRole final : public Role {
   void Stop() override {
     timer_.reset();
     send_timer_.cancel();
-    port_.reset();
+    ports_.clear();
     server_->WriteTotals();
   }
 
  private:
-  // The link counters of a row are the link node's to tell.
-  static const AllCounts& NoCounts() {
-    static const AllCounts none(1);
-    return none;
-  }
-
-  void OnBytes(std::span<const std::uint8_t> bytes) {
+  void OnBytes(std::size_t client, std::span<const std::uint8_t> bytes) {
     if (finished_) return;
     const BootTime now = services_.clock().Now();
     Advance(now);
     if (finished_) return;
     const bool was_started = server_->state().started();
-    receiver_->Receive(bytes, [&](const link::Message& message) {
-      server_->Receive(0, now, message, [this](std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    receivers_[client].Receive(bytes, [&](const link::Message& message) {
+      server_->Receive(client, now, message,
+                       [&](std::span<const std::uint8_t> frame) { ports_[client]->Write(frame); });
     });
     if (was_started || !server_->state().started()) return;
     const Origin origin = server_->state().origin;
@@ -82,8 +87,9 @@ class PlantRole final : public Role {
     if (finished_ || server_->state().next_send_ns == BootTime::Never()) return;
     Advance(now);
     if (finished_) return;
-    server_->SendOwn(
-        now, [this](std::size_t /*client*/, std::span<const std::uint8_t> frame) { port_->Write(frame); });
+    server_->SendOwn(now, [this](std::size_t client, std::span<const std::uint8_t> frame) {
+      ports_[client]->Write(frame);
+    });
     const BootTime due = server_->state().next_send_ns;
     send_timer_.expires_at(services_.clock().ToSteady(due));
     send_timer_.async_wait(
@@ -104,14 +110,14 @@ class PlantRole final : public Role {
   void Advance(BootTime now) {
     const PlantServer::State& state = server_->state();
     if (finished_ || !state.started()) return;
-    const BootTime end = state.origin.ToBootTime(loaded_.scenario.duration_ns);
-    server_->Advance(std::min(now, end), NoCounts());
+    const BootTime end = state.origin.ToBootTime(loaded_.scenario.end_ns());
+    server_->Advance(std::min(now, end), no_counts_);
     if (now < end && !state.over) return;
-    if (!state.over) server_->Finish(end, NoCounts());
+    if (!state.over) server_->Finish(end, no_counts_);
     finished_ = true;
     timer_.reset();
     Publish(std::min(now, end));
-    services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.duration_ns,
+    services_.SetPhase(dds::Phase::kFinished, state.over ? state.reached_ns : loaded_.scenario.end_ns(),
                        state.origin, state.end_reason, state.end_text);
   }
 
@@ -129,8 +135,10 @@ class PlantRole final : public Role {
   dds::Publisher<dds::PlantState> states_;
   LoadedScenario loaded_;
   std::optional<LocalPlantServer> server_;
-  std::optional<MessageReceiver> receiver_;
-  std::unique_ptr<link::SerialPort> port_;
+  // One for each client, in the scenario's order.
+  std::deque<MessageReceiver> receivers_;
+  std::vector<std::unique_ptr<link::SerialPort>> ports_;
+  AllCounts no_counts_;  // the link counters of a row are the link nodes' to tell
   std::optional<PeriodicTimer> timer_;
   boost::asio::steady_timer send_timer_;  // of what the server sends by itself
   std::shared_ptr<char> alive_ = std::make_shared<char>();

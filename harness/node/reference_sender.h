@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "harness/node/node.h"
 #include "harness/run/reference_frame.h"
@@ -15,23 +16,25 @@ class ReferenceSender {
  public:
   explicit ReferenceSender(NodeServices& services) : services_(services), references_(services.bus()) {}
 
-  // `ports` without "base_station": over the bus.
+  // One port for each link node, "base_station" or "base_station-<client>". Without any: over the bus.
   void Open(const Ports& ports, std::shared_ptr<const link::Protocol> protocol) {
     protocol_ = std::move(protocol);
     framer_.emplace(*protocol_);
-    const std::string path = FindPort(ports, "base_station");
-    if (path.empty()) return;
-    port_ = std::make_unique<link::SerialPort>(services_.loop(), path, LinkSpec::kDefaultBaud);
-    port_->Start([](std::span<const std::uint8_t>) {},
-                 [this](const std::string& reason) {
-                   services_.Fail(EndReason::kNodeLost, "the reference line is gone: " + reason);
-                 });
+    for (const dds::Port& port : ports) {
+      if (!port.name.starts_with("base_station")) continue;
+      auto& opened = ports_.emplace_back(
+          std::make_unique<link::SerialPort>(services_.loop(), port.path, LinkSpec::kDefaultBaud));
+      opened->Start([](std::span<const std::uint8_t>) {},
+                    [this](const std::string& reason) {
+                      services_.Fail(EndReason::kNodeLost, "the reference line is gone: " + reason);
+                    });
+    }
   }
 
   void Send(TimeNs time_ns, const ReferencePoint& reference) {
-    if (port_) {
+    if (!ports_.empty()) {
       if (const auto frame = framer_->Frame(reference, services_.clock().Now()); !frame.empty())
-        port_->Write(frame);
+        for (const auto& port : ports_) port->Write(frame);
       return;
     }
     dds::Reference out;
@@ -43,14 +46,14 @@ class ReferenceSender {
     references_.Write(out);
   }
 
-  void Close() { port_.reset(); }
+  void Close() { ports_.clear(); }
 
  private:
   NodeServices& services_;
   dds::Publisher<dds::Reference> references_;
   std::shared_ptr<const link::Protocol> protocol_;
   std::optional<ReferenceFramer> framer_;  // of it
-  std::unique_ptr<link::SerialPort> port_;
+  std::vector<std::unique_ptr<link::SerialPort>> ports_;
   std::int64_t sequence_ = 0;
 };
 

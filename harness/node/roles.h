@@ -6,9 +6,6 @@
 
 namespace tiltproof::harness {
 
-// The place in the scenario of the client whose nodes these are: a flight in real time has one.
-inline constexpr std::size_t kClientPlace = 0;
-
 // The server end of the line behind a serial port: plant, sensors, actuators, trace (harness/run/plant_server.h).
 std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& options);
 

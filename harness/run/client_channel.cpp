@@ -29,12 +29,12 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                             Callbacks callbacks)
+                             Callbacks callbacks, bool grows)
     : scenario_(scenario),
       index_(client),
       line_(line),
       callbacks_(std::move(callbacks)),
-      faults_(ClientFaults(scenario, client)),
+      faults_(ClientFaults(scenario, client, nullptr, grows)),
       records_(sink, client),
       commands_(ClientCommands(scenario, client)),
       reference_talk_(*scenario.link.protocol) {}
@@ -108,7 +108,21 @@ void ClientChannel::CutCommands(const Future& future) {
     if (is_cut(command)) command.until_ns = std::min(command.until_ns, future.from_ns);
 }
 
+void ClientChannel::Lose(const FirmwareTrouble& trouble) {
+  loss_ = {.hung = trouble.hung, .text = trouble.what(), .end = trouble.end};
+  lost_ns_ = now_ns_;
+  wake_ns_ = BootTime::Never();
+  records_.Write(now_ns_,
+                 record::Event{trouble.hung ? kClientHungEvent : kClientCrashedEvent, trouble.what()});
+}
+
 void ClientChannel::Run(BootTime now, BootTime horizon) {
+  if (is_lost()) {
+    // Its pins hear on, but nothing reads them.
+    for (const Direction direction : {Direction::kReference, Direction::kToClient})
+      while (line_.TakePiece(direction, now)) callbacks_.on_news();
+    return;
+  }
   const bool runs_on = client_->RunsOn();
   const bool delivered = Deliver(runs_on ? horizon : now);
   if (runs_on || delivered || commanded_ || now >= wake_ns_) wake_ns_ = client_->Grant(now, horizon);
@@ -167,6 +181,10 @@ void ClientChannel::Finish(Origin origin) {
   for (faults::Activation& activation : faults_.TakeActivations(origin)) {
     const TimeNs time_ns = activation.time_ns;
     records_.Write(time_ns, std::move(activation));
+  }
+  if (loss_) {
+    loss_->time_ns = origin.OrPowerOn().SimulationTime(lost_ns_);
+    totals_.loss = std::move(loss_);
   }
   records_.Write(now_ns_, record::ActivationCounts{faults_.ActivationCounts()});
   records_.Write(now_ns_, std::move(totals_));

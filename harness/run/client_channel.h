@@ -39,9 +39,10 @@ class ClientChannel {
     std::function<void(const ClientChannel&, BootTime at)> before_ahead;
   };
 
-  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own.
+  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own. `grows`: Add()
+  // will be called.
   ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                Callbacks callbacks);
+                Callbacks callbacks, bool grows = false);
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
@@ -49,6 +50,9 @@ class ClientChannel {
   Line& line() const { return line_; }
   std::size_t index() const { return index_; }
   bool exists() const { return client_ != nullptr; }
+  // It crashed or hung, and the flight goes on without it: only Run() and what concerns its line is called from then on.
+  void Lose(const FirmwareTrouble& trouble);
+  bool is_lost() const { return loss_.has_value(); }
 
   // `make` makes the client once its host functions exist.
   void PowerOn(const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make);
@@ -66,6 +70,9 @@ class ClientChannel {
   // Gives the client the bytes that have arrived and runs it: a library at `now`, an emulator up to `horizon`
   // at most.
   void Run(BootTime now, BootTime horizon);
+
+  // One more fault of the scenario, at the receiver. Only in a channel that grows.
+  void Add(const faults::FaultSpec& fault) { faults_.Add(fault); }
 
   // Events of the faults on the line, the receiver and the board: what other faults wait for, and what these
   // faults wait for.
@@ -104,6 +111,9 @@ class ClientChannel {
   BootTime wake_ns_;  // until when the client waits
   BootTime period_begin_ns_;
   int wakes_count_ = 0;  // since then
+
+  std::optional<ClientLoss> loss_;
+  BootTime lost_ns_;
 
   std::size_t firmware_log_bytes_ = 0;
   ReferenceTalk reference_talk_;

@@ -5,9 +5,7 @@
 #include "harness/reference/trajectory.h"
 
 namespace tiltproof::harness {
-namespace {
 
-// Through the reference of every row that the flight will have.
 ReferencePath PlannedPath(const Scenario& scenario) {
   const Trajectory trajectory(scenario.reference);
   std::vector<Point> points;
@@ -16,8 +14,6 @@ ReferencePath PlannedPath(const Scenario& scenario) {
   add(scenario.duration_ns);
   return ReferencePath(points);
 }
-
-}  // namespace
 
 FaultConditions::FaultConditions(const Scenario& scenario, const std::vector<std::string>& columns) {
   const std::vector<std::string> signals = SignalNames(columns);

@@ -20,6 +20,9 @@
 
 namespace tiltproof::harness {
 
+// The path through the reference of every row that the flight will have.
+ReferencePath PlannedPath(const Scenario& scenario);
+
 class FaultConditions {
  public:
   // `columns`: the columns of the rows. Throws stl::ParseError.

@@ -31,26 +31,64 @@ class OwnDraws {
   OwnDraws& operator=(const OwnDraws&) = delete;
 };
 
+// The parts in this process that a steered flight changes.
+struct SteeredParts {
+  LocalPlantServer& server;
+  LocalLine& line;
+};
+
+// A window cannot say so.
+void NeverBegins(faults::FaultSpec& fault) {
+  fault.start_ns = kPowerOn;
+  fault.end_ns = kNever;
+  fault.period_ns = kNever;
+  fault.duty.reset();
+  fault.after.reset();
+  fault.when = "false";
+  fault.edge = faults::Edge::kLevel;
+}
+
 // Counts in boot time.
-class Conductor {
+class Conductor final : private SteeredFlight {
  public:
+  // `steered`: null unless the options steer.
   Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
-            const FlightOptions& options);
+            const FlightOptions& options, const SteeredParts* steered);
   RunLog Run();
 
  private:
-  // Parts of each client, the selected client's first. A failure of one of several clients names it.
+  TimeNs time_ns() const override { return started() ? origin().SimulationTime(steered_at_ns_) : 0; }
+  const std::vector<double>& Row() override;
+  TimeNs FaultTime(const faults::FaultSpec& fault) const override;
+  void Add(const faults::FaultSpec& fault) override;
+  void Remove(std::size_t fault) override;
+  void Stop() override;
+  void Steer(BootTime now) {
+    if (steered_ == nullptr || stopped_) return;
+    steered_at_ns_ = now;
+    options_.steer(*this);
+  }
+  // Each client that is not lost, the selected one first.
   template <class Act>
   void Each(const Act& act) {
-    for (ClientChannel* channel : in_turn_) {
-      try {
-        act(*channel);
-      } catch (const FirmwareTrouble& trouble) {
-        if (!scenario_.has_several_clients()) throw;
-        throw FirmwareTrouble(trouble.hung,
-                              "client " + scenario_.client_id(channel->index()) + ": " + trouble.what(),
-                              trouble.end);
-      }
+    for (ClientChannel* channel : in_turn_) With(*channel, act);
+  }
+  // A failure of one of several clients names it. The flight goes on without it, if another one can fly the vehicle.
+  template <class Act>
+  void With(ClientChannel& channel, const Act& act) {
+    if (channel.is_lost()) return;
+    try {
+      act(channel);
+    } catch (const FirmwareTrouble& trouble) {
+      if (!scenario_.has_several_clients()) throw;
+      channel.Lose(trouble);
+      const bool is_last = std::ranges::all_of(channels_, &ClientChannel::is_lost);
+      const bool is_the_one = !scenario_.is_redundant() && channel.index() == scenario_.selected_client();
+      if (!is_last && !is_the_one) return;
+      throw FirmwareTrouble(trouble.hung,
+                            "client " + scenario_.client_id(channel.index()) + ": " + trouble.what() +
+                                (is_last ? "; no client is left" : ""),
+                            trouble.end);
     }
   }
   void Conduct();
@@ -69,6 +107,8 @@ class Conductor {
   void FollowAhead(const ClientChannel& channel, BootTime to);
   void ServePlantEnd(ClientChannel& channel, BootTime now);
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
+  BootTime HorizonBeforeStart(const ClientChannel& channel) const;
+  void TellRoles();
   void ForwardEvents();
   void SendReference(BootTime now);
   void SendOwn(BootTime now);
@@ -81,7 +121,7 @@ class Conductor {
   Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
   BootTime EndTime() const {
-    return started() ? origin().ToBootTime(scenario_.duration_ns) : BootTime(StartWait(scenario_));
+    return started() ? origin().ToBootTime(end_ns_) : BootTime(StartWait(scenario_));
   }
 
   const Scenario& scenario_;
@@ -99,12 +139,21 @@ class Conductor {
   std::vector<std::pair<std::size_t, std::vector<std::uint8_t>>> own_messages_;  // and their clients
   BootTime next_reference_ns_ = BootTime::Never();
   std::optional<TimeNs> sampled_ns_;  // the last time
-  std::size_t moment_ = 0;            // of FlightOptions::moments, the next
-  bool departed_ = false;             // the future of the options has begun
+  struct Role {
+    std::optional<std::uint32_t> sampled, told;
+  };
+  std::vector<Role> roles_;  // of each client
+  std::size_t moment_ = 0;   // of FlightOptions::moments, the next
+  bool departed_ = false;    // the future of the options has begun
+  const SteeredParts* steered_;
+  TimeNs end_ns_;  // of the flight
+  bool stopped_ = false;
+  BootTime steered_at_ns_;
+  std::vector<double> row_, watched_;  // for the steersman
 };
 
 Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
-                     LogBuilder& log, const FlightOptions& options)
+                     LogBuilder& log, const FlightOptions& options, const SteeredParts* steered)
     : scenario_(scenario),
       options_(options),
       server_(server),
@@ -112,14 +161,18 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       references_(*scenario.link.protocol),
       counts_(lines.size()),
       log_(log),
-      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)) {
+      faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)),
+      steered_(steered),
+      end_ns_(scenario.end_ns()) {
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
         scenario, client, *lines[client], log,
-        ClientChannel::Callbacks{.on_news = [this] { ForwardEvents(); },
-                                 .before_ahead = [this](const ClientChannel& channel,
-                                                        BootTime at) { FollowAhead(channel, at); }}));
+        ClientChannel::Callbacks{
+            .on_news = [this] { ForwardEvents(); },
+            .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }},
+        steered != nullptr));
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
+  roles_.resize(lines.size());
 }
 
 RunLog Conductor::Run() {
@@ -129,12 +182,13 @@ RunLog Conductor::Run() {
     if (options_.future)
       for (ClientChannel& channel : channels_) channel.CutCommands(*options_.future);
     MeetMoments(BootTime::Earliest());
+    Steer(BootTime::Earliest());
     Each([&](ClientChannel& channel) { channel.PowerOn(options_.make_client); });
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
     EndBy(trouble);
   } catch (const std::exception& error) {
-    if (!in_turn_.back()->exists()) throw;
+    if (!in_turn_.back()->exists() && !in_turn_.back()->is_lost()) throw;
     End(EndReason::kHarnessError, error.what());
   }
   end_.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - began).count();
@@ -157,15 +211,23 @@ void Conductor::Conduct() {
     AdvancePlant(now);
     if (over()) return;
     ForwardEvents();
-    if (now == next_reference_ns_) SendReference(now);
+    TellRoles();
+    if (now == next_reference_ns_) {
+      Steer(now);
+      SendReference(now);
+    }
     SendOwn(now);
     const bool was_started = started();
     for (ClientChannel* channel : in_turn_) ServePlantEnd(*channel, now);
     if (started() && !was_started) {
       Sample(now);
+      TellRoles();
       Each([&](ClientChannel& channel) { channel.Command(origin()); });
     }
-    Each([&](ClientChannel& channel) { channel.Run(now, Horizon(channel, now)); });
+    for (ClientChannel* channel : in_turn_) {
+      if (channel->is_lost()) channel->Run(now, now);
+      With(*channel, [&](ClientChannel& own) { own.Run(now, Horizon(own, now)); });
+    }
   }
 }
 
@@ -180,6 +242,51 @@ void Conductor::MeetMoments(BootTime now) {
   if (departed_ || !options_.future || options_.future->from_ns > time_ns) return;
   departed_ = true;
   Become(*options_.future);
+}
+
+const std::vector<double>& Conductor::Row() {
+  steered_->server.Look(Counts(), row_);
+  std::copy(watched_.begin(), watched_.end(), row_.end() - static_cast<std::ptrdiff_t>(watched_.size()));
+  return row_;
+}
+
+// A chunk that has passed the filters is past, even if it is still on the line. A client that runs on has got the bytes of this very
+// instant.
+TimeNs Conductor::FaultTime(const faults::FaultSpec& fault) const {
+  if (!started()) return 0;
+  const faults::FaultType* type = faults::FindFaultType(fault.type);
+  Check(type != nullptr, "a fault that is added is valid");
+  if (type->As<faults::WireKind>() != nullptr)
+    return std::max(time_ns(), origin().SimulationTime(steered_->line.FreeTime()));
+  return type->As<faults::ReceiverKind>() != nullptr ? time_ns() + 1 : time_ns();
+}
+
+void Conductor::Add(const faults::FaultSpec& fault) {
+  Check(!faults::WaitsForEvent(fault) && fault.start_ns >= FaultTime(fault),
+        "a fault that is added begins from now on, by the clock");
+  steered_->server.Add(fault);
+  steered_->line.Add(fault);
+  channels_.front().Add(fault);
+  options_.flown->faults.push_back(fault);
+}
+
+void Conductor::Remove(std::size_t fault) {
+  CheckIndex(fault, options_.flown->faults.size(), "a fault that is removed is one of the scenario");
+  faults::FaultSpec& spec = options_.flown->faults[fault];
+  const TimeNs end_ns = started() ? FaultTime(spec) : kPowerOn;
+  const std::vector<faults::FaultEvent> cut = {{faults::FaultEvent::Kind::kCut, fault, end_ns}};
+  server_.Hear(cut);
+  for (ClientChannel& channel : channels_) channel.Hear(cut);
+  if (!started() || spec.start_ns >= end_ns)
+    NeverBegins(spec);
+  else
+    spec.end_ns = std::min(spec.end_ns, end_ns);
+}
+
+void Conductor::Stop() {
+  stopped_ = true;
+  end_ns_ = std::min(std::max(time_ns(), scenario_.link.protocol->control_period_ns), end_ns_);
+  options_.flown->stop_ns = end_ns_;
 }
 
 void Conductor::Become(const Future& future) {
@@ -211,7 +318,7 @@ bool Conductor::EndsBefore(BootTime now) {
   }
   for (ClientChannel& channel : channels_) {
     const auto& overfull = channel.line().overfull();
-    if (!overfull) continue;
+    if (!overfull || (channel.is_lost() && !overfull->by_faults)) continue;
     End(EndReason::kLineOverfull, overfull->text);
     return true;
   }
@@ -269,10 +376,27 @@ BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
   BootTime horizon = std::min(
       {next_reference_ns_, server_.state().next_send_ns, channel.line().NextArrival(Direction::kToPlant),
        now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
-  // References begin with the selected client's `start`: before it, the others do not run ahead of that client.
-  const ClientChannel& selected = *in_turn_.front();
-  if (!started() && &channel != &selected) horizon = std::min(horizon, std::max(selected.Next(), now));
+  if (!started()) horizon = std::min(horizon, std::max(HorizonBeforeStart(channel), now));
   Check(now <= horizon, "nothing that the client must know lies in its past");
+  return horizon;
+}
+
+// References begin with a `start` that makes t = 0: before it, no client runs ahead of another one that may send it. Of
+// clients that are equally far, the last in turn goes first, by less than a `start` is on its way.
+BootTime Conductor::HorizonBeforeStart(const ClientChannel& channel) const {
+  const TimeNs ahead_ns = std::max<TimeNs>(scenario_.link.main_rate().BytesTime(1), 1);
+  BootTime horizon = BootTime::Never();
+  bool is_earlier_in_turn = true;
+  for (const ClientChannel* other : in_turn_) {
+    const bool may_start = scenario_.is_redundant() || other == in_turn_.front();
+    if (other == &channel) {
+      if (may_start && !scenario_.is_redundant()) return horizon;
+      is_earlier_in_turn = false;
+    } else if (may_start && !other->is_lost() && other->Next() != BootTime::Never()) {
+      const bool goes_after = scenario_.is_redundant() && is_earlier_in_turn;
+      horizon = std::min(horizon, goes_after ? other->Next() + ahead_ns : other->Next());
+    }
+  }
   return horizon;
 }
 
@@ -317,12 +441,31 @@ void Conductor::Sample(BootTime now) {
   sampled_ns_ = time_ns;
   // In the order of the scenario's clients; turns may have another order.
   for (ClientChannel& channel : channels_) {
-    ClientSample sample = channel.Sample();
+    if (channel.is_lost()) continue;
+    ClientSample sample;
+    With(channel, [&](ClientChannel& own) { sample = own.Sample(); });
+    if (scenario_.has_several_clients() && sample.role) {
+      log_.Write({time_ns, channel.index(), record::Role{*sample.role}});
+      roles_.at(channel.index()).sampled = sample.role;
+    } else if (scenario_.arbiter.type == ArbiterType::kActiveClaims && !channel.is_lost()) {
+      throw std::runtime_error("client " + scenario_.client_id(channel.index()) +
+                               " tells no role, and the arbiter active_claims needs it");
+    }
     if (sample.supervisor_state)
       log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});
     if (scenario_.watch.empty()) continue;
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
+    if (steered_ != nullptr) watched_ = sample.watched;
     log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
+  }
+}
+
+// Roles that have changed, once the plant has come as far as the clients: they hold from the next boundary on.
+void Conductor::TellRoles() {
+  for (std::size_t client = 0; client < roles_.size(); ++client) {
+    if (roles_[client].sampled == roles_[client].told) continue;
+    roles_[client].told = roles_[client].sampled;
+    server_.NoteRole(client, *roles_[client].told);
   }
 }
 
@@ -330,8 +473,7 @@ RunLog Conductor::Finish() {
   const PlantServer::State& state = server_.state();
   if (state.over && end_.reason == EndReason::kCompleted) End(state.end_reason, state.end_text);
   TimeNs end_ns = 0;
-  if (state.started())
-    end_ns = end_.reason == EndReason::kCompleted ? scenario_.duration_ns : state.reached_ns;
+  if (state.started()) end_ns = end_.reason == EndReason::kCompleted ? end_ns_ : state.reached_ns;
   // After a failure a client may be in the middle of a call.
   const bool trouble = end_.reason == EndReason::kFirmwareHung ||
                        end_.reason == EndReason::kFirmwareCrashed || end_.reason == EndReason::kHarnessError;
@@ -393,15 +535,19 @@ std::string NeverStartedText(const Scenario& scenario) {
 
 RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
                const FlightOptions& options) {
-  return Conductor(scenario, lines, server, log, options).Run();
+  return Conductor(scenario, lines, server, log, options, nullptr).Run();
 }
 
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
   const VehicleSignals signals = model.signals();
-  LogBuilder log(scenario, signals, options.observer);
-  LocalLines lines(scenario, log);
-  LocalPlantServer server(scenario, model, log);
-  return Conduct(scenario, lines.all(), server, log, options);
+  const bool steers = static_cast<bool>(options.steer);
+  Check(!steers || (options.flown != nullptr && scenario.client_count() == 1),
+        "a steered flight has one client, and tells what was flown");
+  LogBuilder log(steers ? *options.flown : scenario, signals, options.observer);
+  LocalLines lines(scenario, log, steers);
+  LocalPlantServer server(scenario, model, log, steers);
+  const SteeredParts steered{server, lines.local().front()};
+  return Conductor(scenario, lines.all(), server, log, options, steers ? &steered : nullptr).Run();
 }
 
 }  // namespace tiltproof::harness

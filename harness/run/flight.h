@@ -25,6 +25,7 @@
 #include "harness/run/log_builder.h"
 #include "harness/run/plant_server.h"
 #include "harness/run/run_log.h"
+#include "harness/run/steered_flight.h"
 #include "harness/scenario/scenario.h"
 #include "plant/vehicle_model.h"
 
@@ -48,6 +49,10 @@ struct FlightOptions {
   // client's board. An end of the flight comes first.
   std::vector<TimeNs> moments = {};
   std::function<std::optional<Future>(std::size_t moment)> at_moment = {};
+  // Called at power-on and at each row, with one client in this process; none: nobody steers the flight. Then `flown` is a
+  // copy of the scenario, which gets what is changed.
+  std::function<void(SteeredFlight& flight)> steer = {};
+  Scenario* flown = nullptr;
 };
 
 // Flies to the end, or to what ends it early (RunLog::end_reason): divergence, ground strike, a hung or

@@ -93,6 +93,12 @@ void LocalLine::Add(const faults::FaultSpec& fault) {
   fault_ids_.push_back(fault.id);
 }
 
+BootTime LocalLine::FreeTime() const {
+  BootTime free = BootTime::Earliest();
+  for (const link::Wire& wire : wires_) free = std::max(free, wire.free_ns());
+  return free;
+}
+
 BootTime LocalLine::Transmit(Direction direction, BootTime now, std::span<const std::uint8_t> bytes) {
   const BootTime sent = At(wires_, direction).Transmit(now, bytes);
   SendBack(direction, now);

@@ -86,6 +86,8 @@ class LocalLine final : public Line {
 
   // One more fault of the scenario, while it flies.
   void Add(const faults::FaultSpec& fault);
+  // When all that was sent so far, on the whole line, has left its senders.
+  BootTime FreeTime() const;
 
   BootTime Transmit(link::Direction direction, BootTime now, std::span<const std::uint8_t> bytes) override;
   BootTime NextArrival(link::Direction direction) const override;
@@ -141,11 +143,13 @@ class LocalLine final : public Line {
 // The lines of a flight's clients.
 class LocalLines {
  public:
-  LocalLines(const Scenario& scenario, RecordSink& sink) {
+  // `grow`: the lines do.
+  LocalLines(const Scenario& scenario, RecordSink& sink, bool grow = false) {
     for (std::size_t client = 0; client < scenario.client_count(); ++client)
-      all_.push_back(&lines_.emplace_back(scenario, sink, client));
+      all_.push_back(&lines_.emplace_back(scenario, sink, client, true, grow));
   }
   std::span<Line* const> all() { return all_; }
+  std::deque<LocalLine>& local() { return lines_; }
 
  private:
   std::deque<LocalLine> lines_;

@@ -102,8 +102,13 @@ void LogBuilder::Add(const Record& of, const record::Answer& answer) {
 }
 
 void LogBuilder::Add(const Record& of, const record::State& state) {
-  std::vector<SupervisorChange>& states = clients_[of.client.value_or(0)].states;
-  if (states.empty() || states.back().state != state.state) states.push_back({of.time_ns, state.state});
+  std::vector<ToldChange>& states = clients_[of.client.value_or(0)].states;
+  if (states.empty() || states.back().value != state.state) states.push_back({of.time_ns, state.state});
+}
+
+void LogBuilder::Add(const Record& of, const record::Role& role) {
+  std::vector<ToldChange>& roles = clients_[of.client.value_or(0)].roles;
+  if (roles.empty() || roles.back().value != role.role) roles.push_back({of.time_ns, role.role});
 }
 
 void LogBuilder::Add(const Record& of, const record::Watched& watched) {
@@ -130,6 +135,7 @@ void LogBuilder::Add(const Record& /*of*/, const record::PlantEnd& end) {
   log_.hover_input = end.hover_input;
   log_.input_min = end.input_min;
   log_.input_max = end.input_max;
+  log_.redundancy = end.redundancy;
   for (std::size_t i = 0; i < std::min(log_.clients.size(), end.starts_accepted_counts.size()); ++i)
     log_.clients[i].starts_accepted_count = end.starts_accepted_counts[i];
 }
@@ -149,6 +155,7 @@ void LogBuilder::Add(const Record& of, const record::ClientEnd& end) {
   if (!end.unmodelled_blocks.empty()) client.unmodelled_blocks = end.unmodelled_blocks;
   if (!end.stacks.empty()) client.stacks = end.stacks;
   if (end.firmware_end) log_.firmware_end = end.firmware_end;
+  if (end.loss) client.loss = end.loss;
 }
 
 void LogBuilder::Add(const Record& /*of*/, const record::FirmwareTime& time) {
@@ -195,14 +202,19 @@ void LogBuilder::AddInjected() {
       active.push_back(activity.Contains(FromSeconds(trace.at(r, 0))) ? 1.0 : 0.0);
       trace.mutable_row(r)[layout_.faults_active_count] += active.back();
     }
-    trace.AppendColumn("active_" + fault.id, active);
+    trace.InsertColumn(layout_.active + i, "active_" + fault.id, active);
   }
 }
 
 void LogBuilder::AddStates() {
   for (std::size_t client = 0; client < clients_.size(); ++client) {
+    const std::optional<ClientLoss>& loss = log_.clients[client].loss;
+    const TimeNs until_ns = loss ? loss->time_ns : kNever;
     SortByTime(clients_[client].states);
-    AddSupervisorState(scenario_, client, clients_[client].states, log_.trace);
+    AddTold(SupervisorStateColumn(scenario_, client), clients_[client].states, until_ns, log_.trace);
+    if (!scenario_.has_several_clients()) continue;
+    SortByTime(clients_[client].roles);
+    AddTold(RoleColumn(scenario_, client), clients_[client].roles, until_ns, log_.trace);
   }
 }
 

@@ -40,6 +40,7 @@ class LogBuilder final : public RecordSink {
   void Add(const Record& of, const record::Reply& reply);
   void Add(const Record& of, const record::Answer& answer);
   void Add(const Record& of, const record::State& state);
+  void Add(const Record& of, const record::Role& role);
   void Add(const Record& of, const record::Watched& watched);
   void Add(const Record& of, const faults::Activation& activation);
   void Add(const Record& of, const record::ActivationCounts& counts);
@@ -64,7 +65,7 @@ class LogBuilder final : public RecordSink {
     LinkLog link;
     std::vector<std::pair<TimeNs, LineCounts>> counters;
     std::vector<std::pair<TimeNs, std::vector<double>>> watched;
-    std::vector<SupervisorChange> states;
+    std::vector<ToldChange> states, roles;
   };
 
   const Scenario& scenario_;

@@ -80,12 +80,11 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       protocol_(*scenario.link.protocol),
       period_message_(protocol_.PeriodMessage()),
       answers_early_(AnswersBeforeStart(protocol_)),
-      arbiter_(scenario),
+      arbiter_(scenario, {model.HoverInput(), model.InputMin(), model.InputMax()}),
       sink_(sink),
       hover_input_(model.HoverInput()),
       input_min_(model.InputMin()),
       input_max_(model.InputMax()),
-      commanded_(hover_input_),
       faulted_(hover_input_),
       in_force_(hover_input_) {
   for (const link::MessageType& type : protocol_.messages)
@@ -97,6 +96,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
     clients_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
                         .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
                         .asked = std::vector<double>(signals_.inputs.size(), kNothingYet),
+                        .command = hover_input_,
                         .stamps = MessageStamps(protocol_)});
   if (answers_early_) BeginSending(BootTime());
 }
@@ -120,7 +120,7 @@ void LocalPlantServer::Receive(std::size_t client, BootTime arrival, const link:
 
 void LocalPlantServer::OnStart(std::size_t client, BootTime arrival, const link::Message& message) {
   std::int64_t& starts_count = clients_.at(client).starts_accepted_count;
-  if (!state_.started() && !arbiter_.Takes(client)) {
+  if (!state_.started() && !arbiter_.MakesOrigin(client)) {
     starts_count = 1;  // it waits for t = 0
   } else if (origin_.Note(arrival, message)) {
     ++starts_count;
@@ -190,10 +190,10 @@ void LocalPlantServer::AcceptInput(std::size_t client, BootTime arrival, const l
   if (message.type->kind != link::MessageKind::kActuators ||
       message.type == protocol_.Find(link::MessageKind::kActuators))
     sink_.Write({SimTime(arrival), client, record::Accepted{record::AcceptedKind::kActuators}});
-  BindingOf(*message.type).Put(message.values, clients_[client].asked);
-  if (!arbiter_.Takes(client)) return;
-  BindingOf(*message.type).Put(message.values, commanded_);
-  commanded_from_ns_ = arrival <= boundary_ns_ ? boundary_ns_ : boundary_ns_ + scenario_.step_ns;
+  ClientPart& own = clients_[client];
+  BindingOf(*message.type).Put(message.values, own.asked);
+  BindingOf(*message.type).Put(message.values, own.command);
+  arbiter_.Accept(client, SimTime(arrival), own.command);
 }
 
 void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
@@ -225,12 +225,17 @@ void LocalPlantServer::Advance(BootTime to, const AllCounts& counts) {
 // Before anything else happens at this boundary.
 void LocalPlantServer::LookAtConditions() {
   if (conditions_.empty() || SimTime(boundary_ns_) % protocol_.control_period_ns != 0) return;
-  std::vector<double> row(layout_.columns.size(), std::numeric_limits<double>::quiet_NaN());
-  FillRow(SimTime(boundary_ns_), AllCounts(clients_.size()), row);
+  std::vector<double> row;
+  Look(AllCounts(clients_.size()), row);
   std::vector<faults::FaultEvent> events;
   conditions_.Look(SimTime(boundary_ns_), row, events);
   Hear(events);
   news_.insert(news_.end(), events.begin(), events.end());
+}
+
+void LocalPlantServer::Look(const AllCounts& counts, std::vector<double>& row) const {
+  row.assign(layout_.columns.size(), kNothingYet);
+  FillRow(state_.started() ? SimTime(boundary_ns_) : 0, counts, row);
 }
 
 void LocalPlantServer::Hear(std::span<const faults::FaultEvent> events) {
@@ -264,10 +269,10 @@ std::vector<double> LocalPlantServer::Truth() const {
 
 void LocalPlantServer::PutInputInForce() {
   const TimeNs t = SimTime(boundary_ns_);
-  const bool new_command = commanded_from_ns_ <= boundary_ns_;
-  if (new_command) commanded_from_ns_ = BootTime::Never();
-  faulted_ = commanded_;
-  faults_.EditInput(t, faulted_, new_command);
+  faulted_ = arbiter_.Decide(t).inputs;
+  for (Arbiter::Event& event : arbiter_.TakeEvents())
+    AddEvent(t, std::move(event.kind), std::move(event.text));
+  faults_.EditInput(t, faulted_, arbiter_.has_new_command());
   in_force_ = faulted_;
   plant_.InputInForce(in_force_);
   NoteActivations();
@@ -305,7 +310,7 @@ void LocalPlantServer::FillRow(TimeNs t, const AllCounts& counts, std::span<doub
     std::copy(asked.begin(), asked.end(), row.begin() + Offset(layout_.commanded + client * asked.size()));
   }
   if (layout_.on_ground) row[*layout_.on_ground] = plant_.OnGround() ? 1.0 : 0.0;
-  if (layout_.arbiter_selected) row[*layout_.arbiter_selected] = static_cast<double>(arbiter_.selected());
+  if (layout_.arbiter_selected) row[*layout_.arbiter_selected] = arbiter_.choice().selected;
   for (std::size_t i = 0; i < counts.size(); ++i)
     PutCounters(counts[i], row.subspan(layout_.link_counters + i * kLineCounters));
   double& active_count = row[layout_.faults_active_count] = 0;
@@ -334,7 +339,8 @@ void LocalPlantServer::WriteActivations() {
 
 void LocalPlantServer::WriteTotals() {
   WriteActivations();
-  record::PlantEnd end{hover_input_, input_min_, input_max_, {}};
+  record::PlantEnd end{
+      hover_input_, input_min_, input_max_, {}, arbiter_.Totals(std::max(state_.reached_ns, logged_ns_))};
   sink_.Write({state_.reached_ns, {}, record::ActivationCounts{faults_.ActivationCounts()}});
   for (std::size_t client = 0; client < clients_.size(); ++client) {
     sink_.Write(

@@ -12,7 +12,8 @@
 //
 // The sensors are the state at the last step boundary at or before the arrival of the request's last byte, or the time
 // at which the server sends by itself. An accepted actuator message takes effect at the first step boundary at or after
-// the arrival of its last byte, and holds. Before the first one, the model's hover input holds. The plant does not move until the server
+// the arrival of its last byte, and holds. Before the first one, the model's hover input holds. Of several clients, the arbiter
+// decides at each boundary. The plant does not move until the server
 // accepts the protocol's message that starts: that is t = 0. A vehicle that is held (Scenario::held) does not move
 // afterwards, either; time, sensors, inputs and rows go on.
 //
@@ -79,6 +80,8 @@ class PlantServer {
   // Sends what the server sends by itself at `now`, next_send_ns or later: for each client in order, the messages in the
   // order of the protocol. The plant has been advanced to that time. Times that were missed are left out.
   virtual void SendOwn(BootTime now, const SendTo& send) = 0;
+  // A client tells this role (ClientRole). The plant has been advanced to the present time.
+  virtual void NoteRole(std::size_t client, std::uint32_t role) = 0;
   // Ends the flight at `end`, on the grid or not: writes the last row. Not to be called after it is over.
   virtual void Finish(BootTime end, const AllCounts& counts) = 0;
   virtual const State& state() const = 0;
@@ -98,11 +101,14 @@ class LocalPlantServer final : public PlantServer {
 
   // One more fault of the scenario, while it flies. The rows have no column for it.
   void Add(const faults::FaultSpec& fault);
+  // The row at the present step boundary, as conditions of faults see it.
+  void Look(const AllCounts& counts, std::vector<double>& row) const;
 
   void Advance(BootTime to, const AllCounts& counts) override;
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                const Reply& reply) override;
   void SendOwn(BootTime now, const SendTo& send) override;
+  void NoteRole(std::size_t client, std::uint32_t role) override { arbiter_.SetRole(client, role); }
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }
@@ -120,6 +126,7 @@ class LocalPlantServer final : public PlantServer {
   struct ClientPart {
     faults::FaultSchedule faults;       // on the samples sent to this client
     std::vector<double> sensed, asked;  // last sent, and last commanded; NaN before
+    std::vector<double> command;        // last commanded; the hover input before
     MessageStamps stamps;               // of the messages sent to it
     std::int64_t starts_accepted_count = 0;
   };
@@ -174,10 +181,8 @@ class LocalPlantServer final : public PlantServer {
   BootTime boundary_ns_ = BootTime::Never();
   bool boundary_left_ = false;
   const std::vector<double> hover_input_, input_min_, input_max_;
-  std::vector<double> commanded_;                   // last accepted, or the hover input
-  BootTime commanded_from_ns_ = BootTime::Never();  // boundary at which it takes effect; Never() afterwards
-  std::vector<double> faulted_;                     // commanded_ after the actuator faults
-  std::vector<double> in_force_;                    // and after the vehicle's limits and its rotors' lag
+  std::vector<double> faulted_;   // the arbiter's inputs after the actuator faults
+  std::vector<double> in_force_;  // and after the vehicle's limits and its rotors' lag
 };
 
 }  // namespace tiltproof::harness

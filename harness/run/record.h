@@ -81,6 +81,12 @@ struct State {
   TILTPROOF_FIELDS(state)
 };
 
+// The client's role among several, as it tells it (ClientRole).
+struct Role {
+  std::uint32_t role = 0;
+  TILTPROOF_FIELDS(role)
+};
+
 // The watched variables of the client, in the scenario's order.
 struct Watched {
   std::vector<double> values;
@@ -109,7 +115,8 @@ struct ActivationCounts {
 struct PlantEnd {
   std::vector<double> hover_input, input_min, input_max;
   std::vector<std::int64_t> starts_accepted_counts;
-  TILTPROOF_FIELDS(hover_input, input_min, input_max, starts_accepted_counts)
+  std::optional<RedundancyTotals> redundancy = {};
+  TILTPROOF_FIELDS(hover_input, input_min, input_max, starts_accepted_counts, redundancy)
 };
 
 // Totals of the client's line.
@@ -127,7 +134,9 @@ struct ClientEnd {
   std::vector<std::string> unmodelled_blocks = {};
   std::vector<StackUse> stacks = {};
   std::optional<FirmwareEnd> firmware_end = {};
-  TILTPROOF_FIELDS(failsafe_entered_count, receive_overruns_count, unmodelled_blocks, stacks, firmware_end)
+  std::optional<ClientLoss> loss = {};
+  TILTPROOF_FIELDS(failsafe_entered_count, receive_overruns_count, unmodelled_blocks, stacks, firmware_end,
+                   loss)
 };
 
 // Real time: the processor time of a program; `origin`: t = 0 by its node's clock.
@@ -150,9 +159,9 @@ struct End {
 
 using RecordBody =
     std::variant<record::Row, record::Bytes, record::Counters, record::Event, record::FirmwareText,
-                 record::Accepted, record::Reply, record::Answer, record::State, record::Watched,
-                 faults::Activation, record::ActivationCounts, record::Late, record::PlantEnd,
-                 record::LineEnd, record::ClientEnd, record::FirmwareTime, record::End>;
+                 record::Accepted, record::Reply, record::Answer, record::State, record::Role,
+                 record::Watched, faults::Activation, record::ActivationCounts, record::Late,
+                 record::PlantEnd, record::LineEnd, record::ClientEnd, record::FirmwareTime, record::End>;
 
 struct Record {
   TimeNs time_ns = 0;                      // simulation time

@@ -12,6 +12,7 @@
 #include "harness/client/firmware_end.h"
 #include "harness/client/stack_use.h"
 #include "harness/run/link_log.h"
+#include "harness/run/redundancy.h"
 #include "harness/run/trace.h"
 #include "link/chunk.h"
 #include "link/fields.h"
@@ -133,6 +134,19 @@ struct LineMistake {
   TILTPROOF_FIELDS(time_ns, kind, count, text)
 };
 
+// The end of one of several clients before that of the flight.
+struct ClientLoss {
+  TimeNs time_ns = 0;
+  bool hung = false;      // otherwise crashed
+  std::string text = {};  // how, for a person
+  FirmwareEnd end = {};
+  friend bool operator==(const ClientLoss&, const ClientLoss&) = default;
+  TILTPROOF_FIELDS(time_ns, hung, text, end)
+};
+// Kinds of the event of such an end.
+inline constexpr const char* kClientCrashedEvent = "client_crashed";
+inline constexpr const char* kClientHungEvent = "client_hung";
+
 // Size of the firmware's log that is kept; the rest is dropped.
 inline constexpr std::size_t kFirmwareLogBytesMax = 1 << 20;
 
@@ -158,6 +172,7 @@ struct ClientLog {
   std::int64_t accepted_stale_count = 0;
   TimeNs resync_max_ns = 0;
   std::int64_t starts_accepted_count = 0;
+  std::optional<ClientLoss> loss = {};
   std::vector<Restart> restarts;  // after t = 0, in order
   // Blocks of the chip that its firmware uses and the emulated board does not model, in the order of their first use.
   std::optional<std::vector<std::string>> unmodelled_blocks;  // absent: none
@@ -182,7 +197,7 @@ struct ClientLog {
   // For flight.json; the log has a file of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
-                   starts_accepted_count, failsafe_entered_count, receive_overruns_count, restarts,
+                   starts_accepted_count, failsafe_entered_count, receive_overruns_count, loss, restarts,
                    unmodelled_blocks, stacks, request_times_ns, sent_request_times_ns, reply_latency_ns,
                    actuator_times_ns, client_round_trip_ns, protocol, line_mistakes)
 };
@@ -204,6 +219,7 @@ struct RunLog {
   TimeNs end_ns = 0;                        // simulation time reached
   // The vehicle's inputs at hover and their limits, in the order of its inputs.
   std::vector<double> hover_input, input_min, input_max;
+  std::optional<RedundancyTotals> redundancy;  // none: one client, or an arbiter that chooses nothing
 
   // One per client of the scenario, in its order.
   std::vector<ClientLog> clients = std::vector<ClientLog>(1);
@@ -228,7 +244,8 @@ struct RunLog {
   // For flight.json, which also has the clients, the events and the lateness; the rest has files of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(end_reason, end_text, firmware_end, end_ns, wall_s, hover_input, input_min, input_max,
-                   fault_activation_counts, harness_overrun_count, harness_late_max_ns, firmware_use)
+                   redundancy, fault_activation_counts, harness_overrun_count, harness_late_max_ns,
+                   firmware_use)
 };
 
 }  // namespace tiltproof::harness

@@ -109,18 +109,21 @@ std::optional<std::size_t> Trace::Find(std::string_view column) const {
   return static_cast<std::size_t>(it - columns_.begin());
 }
 
-void Trace::AppendColumn(std::string name, std::span<const double> values) {
+void Trace::InsertColumn(std::size_t place, std::string name, std::span<const double> values) {
   Check(values.size() == row_count(), "a column has one value for each row");
+  Check(place <= columns_.size(), "a column comes between others, or behind them");
+  const auto offset = static_cast<std::ptrdiff_t>(place);
   std::vector<double> wider;
   wider.reserve(values_.size() + values.size());
   for (std::size_t r = 0; r < values.size(); ++r) {
     const auto old = row(r);
-    wider.insert(wider.end(), old.begin(), old.end());
+    wider.insert(wider.end(), old.begin(), old.begin() + offset);
     wider.push_back(values[r]);
+    wider.insert(wider.end(), old.begin() + offset, old.end());
   }
   values_ = std::move(wider);
-  scales_.push_back(SignalNamed(name, SignalFrame::kNone).scale);
-  columns_.push_back(std::move(name));
+  scales_.insert(scales_.begin() + offset, SignalNamed(name, SignalFrame::kNone).scale);
+  columns_.insert(columns_.begin() + offset, std::move(name));
 }
 
 void Trace::AppendRows(std::vector<double>&& rows) {

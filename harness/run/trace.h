@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/scenario/scenario.h"
@@ -62,8 +63,11 @@ class Trace {
   std::span<double> mutable_row(std::size_t r) {
     return std::span(values_).subspan(r * columns_.size(), columns_.size());
   }
-  // Appends a column with one value for each row.
-  void AppendColumn(std::string name, std::span<const double> values);
+  // Puts a column with one value for each row in that place, or behind the others.
+  void InsertColumn(std::size_t place, std::string name, std::span<const double> values);
+  void AppendColumn(std::string name, std::span<const double> values) {
+    InsertColumn(columns_.size(), std::move(name), values);
+  }
   // Appends whole rows, one after the other.
   void AppendRows(std::vector<double>&& rows);
 

@@ -129,7 +129,9 @@ class KeyVisitor {
   // A list of mappings. `resize` is called before the bodies.
   virtual void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
                     const NumberedBody& body) = 0;
-  // A word decides which other keys this mapping has.
+  // A number, or the word that stands for its absence.
+  virtual void NumberOr(const Key& key, std::string_view word, std::optional<double>& value, Range range) = 0;
+  // A word decides which other keys this mapping has. `index`: the word when the key is absent, where it is optional.
   virtual void Alternatives(const Key& key, std::span<const Alternative> alternatives,
                             std::optional<std::size_t> index, const NumberedBody& body) = 0;
 };

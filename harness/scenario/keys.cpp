@@ -224,11 +224,66 @@ void DescribeFirmware(KeyVisitor& v, Scenario& s) {
          s.gain, kAnyText);
 }
 
+constexpr std::array<Alternative, 5> kArbiters = {{
+    {"single", "Only the commands of one client take effect"},
+    {"primary_backup", "Those of the first client in an order that is not silent"},
+    {"active_claims", "Those of the client that says that it is active (tiltproof_client_role)"},
+    {"mid_value", "The median of all clients, for each input"},
+    {"duplex_compare", "Those of the first of two clients, as long as both agree"},
+}};
+
+void DescribeArbiterOf(KeyVisitor& v, ArbiterType type, ArbiterSpec& arbiter) {
+  if (type == ArbiterType::kSingle) {
+    v.Text({"client", "Whose commands take effect; absent: the first client's. Its `start` is t = 0"},
+           arbiter.client, kClientRule);
+    return;
+  }
+  v.MaybeNumber({"timeout_ms",
+                 "A client counts for so long after its last accepted actuator message; absent: three "
+                 "control periods"},
+                arbiter.timeout_ms, {0.001, 1e6});
+  if (type == ArbiterType::kPrimaryBackup) {
+    v.Texts({"order", "Ids of clients, the first choice first; absent: all, in the order of `clients`"},
+            arbiter.order, kClientRule);
+    v.NumberOr({"return",
+                "An earlier client flies again after so many milliseconds of messages without a gap. `never` "
+                "does not hold back the first one from its very first message"},
+               "never", arbiter.return_ms, {0, 1e9});
+  }
+  if (type == ArbiterType::kDuplexCompare) {
+    v.Number({"tolerance_percent",
+              "The two agree when each input differs by at most so much of the input's range", kRequired},
+             arbiter.tolerance_percent, {0, 100});
+    v.Text({"on_disagreement",
+            "The input while they disagree: `hold` the last one, the vehicle's at `hover`, or that of the "
+            "client of this id"},
+           arbiter.on_disagreement, kClientRule);
+  }
+}
+
 void DescribeArbiter(KeyVisitor& v, ArbiterSpec& arbiter) {
-  Enumeration(v, {"type", "single: only the actuators of one client take effect"},
-              std::array{ArbiterType::kSingle}, arbiter.type);
-  v.Text({"client", "Whose actuators take effect; absent: the first client's. Its `start` is t = 0"},
-         arbiter.client, kClientRule);
+  v.Alternatives({"type", "How the commands of several clients become the vehicle's input"}, kArbiters,
+                 static_cast<std::size_t>(arbiter.type), [&](KeyVisitor& w, std::size_t index) {
+                   arbiter.type = static_cast<ArbiterType>(index);
+                   DescribeArbiterOf(w, arbiter.type, arbiter);
+                 });
+}
+
+void DescribeTimes(KeyVisitor& v, Scenario& s) {
+  v.Seconds({"duration_s",
+             "Length of the flight from the accepted start; its log takes about 8 MiB of memory per minute",
+             kRequired},
+            s.duration_ns, {kShortest_s, 14400});
+  v.Seconds({"stop_s",
+             "The flight is stopped here, before duration_s, as a script does; criteria may stay undecided"},
+            s.stop_ns, {kShortest_s, 14400});
+  v.Seconds({"step_s", "Step of the plant's integration; must divide the protocol's control period (0.012)"},
+            s.step_ns, {kShortest_s, 1});
+  v.Seconds(
+      {"delay_margin_s",
+       "Delay that the loop of vehicle and firmware tolerates; in real time, this machine is late after "
+       "a third of it"},
+      s.delay_margin_ns, {0.0001, 10});
 }
 
 // Criteria that every scenario has.
@@ -284,17 +339,7 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   auto seed = static_cast<std::int64_t>(s.seed);
   v.Integer({"seed", "All random draws derive from it"}, seed, {0, 9007199254740991});
   s.seed = static_cast<std::uint64_t>(seed);
-  v.Seconds({"duration_s",
-             "Length of the flight from the accepted start; its log takes about 8 MiB of memory per minute",
-             kRequired},
-            s.duration_ns, {kShortest_s, 14400});
-  v.Seconds({"step_s", "Step of the plant's integration; must divide the protocol's control period (0.012)"},
-            s.step_ns, {kShortest_s, 1});
-  v.Seconds(
-      {"delay_margin_s",
-       "Delay that the loop of vehicle and firmware tolerates; in real time, this machine is late after "
-       "a third of it"},
-      s.delay_margin_ns, {0.0001, 10});
+  DescribeTimes(v, s);
   Enumeration(
       v,
       {"angular_rates",

@@ -452,11 +452,24 @@ void MappingReader::List(const Key& key, std::size_t, const std::function<void(s
   }
 }
 
+void MappingReader::NumberOr(const Key& key, std::string_view word, std::optional<double>& value,
+                             Range range) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (node->kind == YamlNode::Kind::kText && node->text == word)
+    value.reset();
+  else if (node->kind != YamlNode::Kind::kNumber)
+    ComplainKind(key.name, *node, fmt::format("'{}' or a number", word));
+  else if (const auto number = ReadNumber(key.name, *node, range))
+    value = number;
+}
+
 void MappingReader::Alternatives(const Key& key, std::span<const Alternative> alternatives,
-                                 std::optional<std::size_t>, const NumberedBody& body) {
+                                 std::optional<std::size_t> otherwise, const NumberedBody& body) {
   std::vector<std::string_view> words;
   for (const Alternative& alternative : alternatives) words.push_back(alternative.word);
   std::optional<std::size_t> index;
+  if (key.presence == Presence::kOptional && mapping_.Find(key.name) == nullptr) index = otherwise;
   Choice(key, words, index);
   if (index) {
     body(*this, *index);

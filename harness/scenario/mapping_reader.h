@@ -44,6 +44,7 @@ class MappingReader : public KeyVisitor {
                      const Body& body) override;
   void List(const Key& key, std::size_t count, const std::function<void(std::size_t)>& resize,
             const NumberedBody& body) override;
+  void NumberOr(const Key& key, std::string_view word, std::optional<double>& value, Range range) override;
   void Alternatives(const Key& key, std::span<const Alternative> alternatives,
                     std::optional<std::size_t> index, const NumberedBody& body) override;
 

@@ -1,5 +1,7 @@
 #include "harness/scenario/scenario.h"
 
+#include <cmath>
+
 #include "faults/random.h"
 
 namespace tiltproof::harness {
@@ -34,6 +36,14 @@ std::string_view Name(ArbiterType type) {
   switch (type) {
     case ArbiterType::kSingle:
       return "single";
+    case ArbiterType::kPrimaryBackup:
+      return "primary_backup";
+    case ArbiterType::kActiveClaims:
+      return "active_claims";
+    case ArbiterType::kMidValue:
+      return "mid_value";
+    case ArbiterType::kDuplexCompare:
+      return "duplex_compare";
   }
   return "unknown";
 }
@@ -61,10 +71,21 @@ std::uint64_t Scenario::seed_of(std::size_t client) const {
   return has_several_clients() ? faults::StreamKey(seed, {"client", client_id(client)}) : seed;
 }
 
+std::optional<std::size_t> Scenario::FindClient(std::string_view id) const {
+  for (std::size_t i = 0; i < client_count(); ++i)
+    if (client_id(i) == id) return i;
+  return std::nullopt;
+}
+
 std::size_t Scenario::selected_client() const {
-  for (std::size_t i = 0; i < clients.size(); ++i)
-    if (clients[i].id == arbiter.client) return i;
-  return 0;
+  if (arbiter.type == ArbiterType::kPrimaryBackup && !arbiter.order.empty())
+    return FindClient(arbiter.order.front()).value_or(0);
+  return arbiter.type == ArbiterType::kSingle ? FindClient(arbiter.client).value_or(0) : 0;
+}
+
+TimeNs Scenario::arbiter_timeout_ns() const {
+  if (arbiter.timeout_ms) return static_cast<TimeNs>(std::llround(*arbiter.timeout_ms * 1e6));
+  return 3 * link.protocol->control_period_ns;
 }
 
 std::string ClientName(const Scenario& scenario, std::string_view before, std::size_t client, char separator,
@@ -89,6 +110,10 @@ std::vector<std::string> MetricNamesOf(const Scenario& scenario,
                                        const std::vector<std::string>& metric_names) {
   std::vector<std::string> names;
   for (const std::string& metric : metric_names) {
+    // Only of several clients.
+    if ((metric.starts_with("redundancy.") || metric == "firmware.lost_at_s") &&
+        !scenario.has_several_clients())
+      continue;
     const std::size_t group = metric.find('.') + 1;
     const bool of_client = metric.starts_with("link.") || metric.starts_with("firmware.") ||
                            metric.starts_with("protocol.") ||

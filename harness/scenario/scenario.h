@@ -2,6 +2,7 @@
 // YAML here.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -87,14 +88,29 @@ struct ClientEntry {
 inline constexpr std::size_t kClientsMax = 16;
 inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
 
-// Choice of the one of several clients that moves the vehicle.
-enum class ArbiterType : std::uint8_t { kSingle };
+// The way in which the commands of several clients become the vehicle's input: docs/redundancy.md.
+enum class ArbiterType : std::uint8_t {
+  kSingle,         // those of one client, named beforehand
+  kPrimaryBackup,  // those of the first in an order that is not silent
+  kActiveClaims,   // those of the client that claims to be active
+  kMidValue,       // the median of each input
+  kDuplexCompare   // those of the first of two that agree
+};
 std::string_view Name(ArbiterType type);
 struct ArbiterSpec {
   ArbiterType type = ArbiterType::kSingle;
-  std::string client;  // single: whose actuators are in force; empty: the first one's
+  std::string client = {};  // single: whose actuators are in force; empty: the first one's
+  // All but single: the age up to which a client's last accepted command counts; none: three control periods.
+  std::optional<double> timeout_ms = {};
+  std::vector<std::string> order = {};  // primary_backup; empty: the scenario's order
+  std::optional<double> return_ms =
+      {};  // primary_backup: gapless messages before an earlier one returns; none: never
+  double tolerance_percent = 0;          // duplex_compare: of an input's range
+  std::string on_disagreement = "hold";  // duplex_compare: hold, hover, or a client
   friend bool operator==(const ArbiterSpec&, const ArbiterSpec&) = default;
 };
+// Words of on_disagreement that are no client.
+inline constexpr std::string_view kHoldInput = "hold", kHoverInput = "hover";
 
 // The verdict that makes a flight green: the same for every build of the firmware, or some builds have their own.
 struct Expectation {
@@ -132,6 +148,8 @@ struct Scenario {
   std::int64_t clean_line_periods_count = 1;  // that may be unclean, of each kind
   std::uint64_t seed = 1;
   TimeNs duration_ns = 0;
+  TimeNs stop_ns = kNever;  // the flight is stopped before its duration
+  TimeNs end_ns() const { return std::min(duration_ns, stop_ns); }
   TimeNs step_ns = 4 * kNsPerMs;
   // The delay that the loop of vehicle and firmware tolerates, in addition to its own. The default is that of
   // the paper's vehicle and gain, rounded: tests/plant/lqr_design_test.cpp computes 8.99 ms.
@@ -154,7 +172,7 @@ struct Scenario {
   std::vector<std::string> watch;  // variables of the firmware's image
   std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
   // "file:line:column" of these keys, or of what stands for them, when read from a file.
-  std::string reference_place, initial_place;
+  std::string reference_place, initial_place, arbiter_place;
   std::filesystem::path protocol_file;  // empty: the protocol is a shipped one, or in this file
 
   // As written; empty: one, whose id is kOnlyClient.
@@ -168,12 +186,19 @@ struct Scenario {
   const std::string& firmware_of(std::size_t client) const;
   // Every client flies this build, whatever the file says.
   void FlyFirmware(const std::string& build);
-  // The verdict that makes the flight green: that of the build that moves the vehicle.
+  // The verdict that makes the flight green: that of the build that moves the vehicle, or is the first to move it.
   Verdict expected() const { return expect.Of(firmware_of(selected_client())); }
   // Seed for the faults on this client's line and board. For a flight's only client it is the scenario's.
   std::uint64_t seed_of(std::size_t client) const;
-  // Whose actuators are in force, and whose `start` is t = 0.
+  // single: whose actuators are in force, and whose `start` is t = 0. primary_backup: the first in its order. Otherwise the
+  // scenario's first client.
   std::size_t selected_client() const;
+  // Its place; none: there is no client of this id.
+  std::optional<std::size_t> FindClient(std::string_view id) const;
+  // True if the flight has a choice of clients: several, and an arbiter that chooses in flight.
+  bool is_redundant() const { return has_several_clients() && arbiter.type != ArbiterType::kSingle; }
+  // After so long without an accepted command a client no longer counts.
+  TimeNs arbiter_timeout_ns() const;
 };
 
 // Adds a client's id to a name in a flight with several clients: ("link.", 0, "resync_max_ms") is

@@ -277,15 +277,55 @@ class Checker {
                  fmt::format("id: '{}' is taken already on line {}", client.id, first->second.line));
       if (!client.firmware.empty()) CheckBuild("firmware", client.firmware, PlaceOf(node, "firmware"));
     }
-    CheckClientNamed(root_, "arbiter.client", scenario_.arbiter.client);
+    CheckArbiter();
+  }
+
+  void CheckArbiter() {
+    ArbiterSpec& arbiter = scenario_.arbiter;
+    scenario_.arbiter_place = PlaceInFile("arbiter.type");
+    CheckClientNamed(root_, "arbiter.client", arbiter.client);
+    if (arbiter.type == ArbiterType::kSingle) return;
+    const std::string type(Name(arbiter.type));
+    if (!scenario_.has_several_clients())
+      Complain(root_, "arbiter.type",
+               fmt::format("type: {} needs several `clients`, and there is one", type));
+    else if (arbiter.type == ArbiterType::kDuplexCompare && scenario_.client_count() != 2)
+      Complain(root_, "arbiter.type",
+               fmt::format("type: {} compares two clients, and there are {}; mid_value takes any number",
+                           type, scenario_.client_count()));
+    if (arbiter.on_disagreement != kHoldInput && arbiter.on_disagreement != kHoverInput)
+      CheckClientNamed(root_, "arbiter.on_disagreement", arbiter.on_disagreement);
+    if (const YamlNode* order = ValueOf(ValueOf(&root_, "arbiter"), "order"); order != nullptr)
+      CheckOrder(*order);
+    if (!arbiter.timeout_ms) arbiter.timeout_ms = static_cast<double>(scenario_.arbiter_timeout_ns()) / 1e6;
+    if (arbiter.type == ArbiterType::kPrimaryBackup && arbiter.order.empty())
+      for (const ClientEntry& client : scenario_.clients) arbiter.order.push_back(client.id);
+  }
+
+  void CheckOrder(const YamlNode& order) {
+    if (order.kind == YamlNode::Kind::kSequence && order.items.empty())
+      Complain(order.mark, "order: the list is empty; leave the key out for the order of `clients`");
+    for (std::size_t i = 0; i < order.items.size(); ++i) {
+      const YamlNode& item = order.items[i];
+      if (Troubled(item)) continue;
+      CheckClient("order", item.mark, item.text);
+      for (std::size_t j = 0; j < i; ++j)
+        if (order.items[j].text == item.text) {
+          Complain(item.mark, fmt::format("order: '{}' is there already", item.text));
+          break;
+        }
+    }
   }
 
   // An id that names one of the clients; empty: none.
   void CheckClientNamed(const YamlNode& mapping, std::string_view path, const std::string& id) {
+    if (!id.empty()) CheckClient(path.substr(path.rfind('.') + 1), PlaceOf(mapping, path), id);
+  }
+  void CheckClient(std::string_view key, YamlMark mark, const std::string& id) {
+    if (scenario_.FindClient(id)) return;
     std::vector<std::string> ids;
     for (std::size_t i = 0; i < scenario_.client_count(); ++i) ids.push_back(scenario_.client_id(i));
-    if (id.empty() || std::find(ids.begin(), ids.end(), id) != ids.end()) return;
-    Complain(mapping, path, fmt::format("client: there is no client '{}'{}", id, DidYouMeanOf(id, ids)));
+    Complain(mark, fmt::format("{}: there is no client '{}'{}", key, id, DidYouMeanOf(id, ids)));
   }
 
   void CheckReference() {

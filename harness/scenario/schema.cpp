@@ -71,7 +71,9 @@ class SchemaBuilder : public KeyVisitor {
       for (const auto& [name, schema] : properties_.items())
         if (name != deciding_key_) properties[name] = schema;
       const Json word = {{deciding_key_, {{"const", alternative.word_}}}};
-      object["allOf"].push_back({{"if", If({{"properties", word}, {"required", {deciding_key_}}})},
+      Json condition = {{"properties", word}};
+      if (alternative.word_ != default_word_) condition["required"] = {deciding_key_};
+      object["allOf"].push_back({{"if", If(std::move(condition))},
                                  {"then", Object(alternative.title_, properties, alternative.required_)}});
     }
     return object;
@@ -157,9 +159,14 @@ class SchemaBuilder : public KeyVisitor {
     body(item, 0);
     Add(key, {{"type", "array"}, {"items", item.Take()}, {"maxItems", kListItemsMax}});
   }
-  void Alternatives(const Key& key, std::span<const Alternative> alternatives, std::optional<std::size_t>,
-                    const NumberedBody& body) override {
+  void NumberOr(const Key& key, std::string_view word, std::optional<double>& value, Range range) override {
+    const Json schema = {{"anyOf", {{{"enum", {word}}}, NumberSchema(range)}}};
+    value ? Add(key, schema, NumberJson(*value)) : Add(key, schema, std::string(word));
+  }
+  void Alternatives(const Key& key, std::span<const Alternative> alternatives,
+                    std::optional<std::size_t> otherwise, const NumberedBody& body) override {
     deciding_key_ = key.name;
+    if (key.presence == Presence::kOptional && otherwise) default_word_ = alternatives[*otherwise].word;
     Json words = Json::array();
     for (std::size_t i = 0; i < alternatives.size(); ++i) {
       const Json word = {{"const", alternatives[i].word}, {"description", alternatives[i].doc}};
@@ -170,7 +177,8 @@ class SchemaBuilder : public KeyVisitor {
       body(alternative, i);
       alternatives_.push_back(std::move(alternative));
     }
-    Add(key, {{"type", "string"}, {"oneOf", words}});
+    const Json schema = {{"type", "string"}, {"oneOf", words}};
+    default_word_.empty() ? Add(key, schema) : Add(key, schema, default_word_);
   }
   void ExactlyOne(std::string_view, std::span<const KeyGroup> groups) override {
     for (const KeyGroup& group : groups) {
@@ -212,6 +220,7 @@ class SchemaBuilder : public KeyVisitor {
   Json required_ = Json::array();
   Json rules_ = Json::object();  // that compare keys with each other
   std::string deciding_key_;
+  std::string default_word_;  // of that key, where it is optional
   std::vector<SchemaBuilder> alternatives_;
   std::string word_;        // of an alternative: which one it is
   std::string belongs_to_;  // of a section of an alternative: which one that is
@@ -317,6 +326,8 @@ std::string AllowedText(const Json& schema) {
   }
   if (schema.contains("anyOf") && schema["anyOf"].size() == 3)
     return fmt::format("{}, a path that ends in `.yaml`, or a mapping", AllowedText(schema["anyOf"][0]));
+  if (schema.contains("anyOf") && schema["anyOf"][1].value("type", "") == "number")
+    return fmt::format("{}, or {}", AllowedText(schema["anyOf"][0]), AllowedText(schema["anyOf"][1]));
   if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
     return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))
@@ -386,7 +397,11 @@ std::string ScenarioKeysMarkdown() {
   const Json& keys = schema["properties"];
   std::string text = Table("The file", Rows(schema));
   text += Table("An item of `clients`", Rows(keys["clients"]["items"]));
-  text += Table("`arbiter`", Rows(keys["arbiter"]));
+  for (const Json& branch : keys["arbiter"]["allOf"]) {
+    const Json& kind = branch["then"];
+    text += Table(fmt::format("`arbiter` of type {}", kind["properties"]["type"]["const"].get<std::string>()),
+                  Rows(kind, {"type"}));
+  }
   text += Table("`control_period`", Rows(keys["control_period"]));
   text += Table("`clean_line`", Rows(keys["clean_line"]));
   text += Table("`initial`", Rows(keys["initial"]));

@@ -113,6 +113,9 @@ class Writer : public KeyVisitor {
       text_ += inner.text_;
     }
   }
+  void NumberOr(const Key& key, std::string_view word, std::optional<double>& value, Range) override {
+    Line(key, value ? fmt::format("{}", *value) : std::string(word));
+  }
   void Alternatives(const Key& key, std::span<const Alternative> alternatives,
                     std::optional<std::size_t> index, const NumberedBody& body) override {
     if (!index) return;

@@ -6,10 +6,12 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "faults/activity.h"
 #include "faults/registry.h"
+#include "harness/run/supervisor_states.h"
 #include "harness/score/client_behaviour.h"
 #include "link/check.h"
 
@@ -37,6 +39,11 @@ class Excuses {
       const faults::FaultType* type = faults::FindFaultType(spec.type);
       if (type != nullptr && ExcusesTheLine(*type)) AddFault(spec, *type);
     }
+    if (const std::optional<ClientLoss>& loss = log.clients[client].loss)
+      windows_.push_back({loss->time_ns - period_ns_, kNever});
+    if (const auto roles = log.trace.Find(RoleColumn(scenario, client)))
+      for (std::size_t row = 0; row < log.trace.row_count(); ++row)
+        roles_.emplace_back(FromSeconds(log.trace.at(row, 0)), log.trace.at(row, *roles));
     const auto& requests_ns = log.clients[client].sent_request_times_ns;
     for (const Restart& restart : log.clients[client].restarts) {
       const auto first = std::upper_bound(requests_ns.begin(), requests_ns.end(), restart.time_ns);
@@ -49,7 +56,8 @@ class Excuses {
   bool ByFault(TimeNs time_ns) const { return ByFaultWithin(time_ns, time_ns); }
   // An answer is due within a period, in which a fault may begin.
   bool ByFault(LineMistakeKind kind, TimeNs time_ns) const {
-    return ByFaultWithin(time_ns, kind == LineMistakeKind::kUnanswered ? time_ns + period_ns_ : time_ns);
+    if (kind != LineMistakeKind::kUnanswered) return ByFaultWithin(time_ns, time_ns);
+    return IsStandby(time_ns) || ByFaultWithin(time_ns, time_ns + period_ns_);
   }
   // In real time: whether this machine took time from the board or from the harness.
   bool ByMachine(TimeNs time_ns) const {
@@ -61,6 +69,11 @@ class Excuses {
   }
 
  private:
+  // Among several clients, one that stands by need not command.
+  bool IsStandby(TimeNs time_ns) const {
+    const auto after = std::ranges::upper_bound(roles_, time_ns, {}, &std::pair<TimeNs, double>::first);
+    return after != roles_.begin() && std::prev(after)->second == 0;
+  }
   bool ByFaultWithin(TimeNs begin_ns, TimeNs end_ns) const {
     return std::ranges::any_of(windows_,
                                [&](const faults::Window& window) {
@@ -86,6 +99,7 @@ class Excuses {
   TimeNs period_ns_;
   std::vector<faults::Window> windows_;
   std::vector<faults::Activity> activities_;
+  std::vector<std::pair<TimeNs, double>> roles_;  // told, by time
 };
 
 struct Kind {

@@ -59,6 +59,7 @@ class Calculator {
       Timing(client);
       Link(client);
     }
+    Redundancy();
     if (log_.harness_overrun_count) SetCount("timing.harness_overrun_count", *log_.harness_overrun_count);
     if (log_.harness_late_max_ns) Set("timing.harness_late_max_ms", Milliseconds(*log_.harness_late_max_ns));
     Set("survival.time_s", Started() ? ToSeconds(std::max<TimeNs>(log_.end_ns, 0)) : 0.0);
@@ -203,8 +204,31 @@ class Calculator {
               static_cast<double>(rows));
   }
 
+  void Redundancy() {
+    if (!scenario_.has_several_clients()) return;
+    std::int64_t lost_count = 0;
+    for (std::size_t client = 0; client < log_.clients.size(); ++client) {
+      const std::optional<ClientLoss>& loss = log_.clients[client].loss;
+      if (!loss) continue;
+      ++lost_count;
+      Set(ClientName(scenario_, "firmware.", client, '.', "lost_at_s"), ToSeconds(loss->time_ns));
+    }
+    SetCount("redundancy.clients_lost_count", lost_count);
+    if (!log_.redundancy) return;
+    const RedundancyTotals& totals = *log_.redundancy;
+    SetCount("redundancy.switches_count", totals.switches_count);
+    Set("redundancy.without_control_s", ToSeconds(totals.without_control_ns));
+    Set("redundancy.largest_bump", totals.largest_bump);
+    if (totals.split_brain_ns) Set("redundancy.split_brain_s", ToSeconds(*totals.split_brain_ns));
+    if (totals.disagreement_ns) Set("redundancy.disagreement_s", ToSeconds(*totals.disagreement_ns));
+  }
+
   // t = 0 came.
-  bool Started() const { return log_.clients.at(scenario_.selected_client()).starts_accepted_count > 0; }
+  bool Started() const {
+    const auto has_started = [](const ClientLog& client) { return client.starts_accepted_count > 0; };
+    if (scenario_.is_redundant()) return std::ranges::any_of(log_.clients, has_started);
+    return has_started(log_.clients.at(scenario_.selected_client()));
+  }
 
   struct Quantile {
     const char* name;
@@ -495,14 +519,29 @@ const std::vector<std::string>& MetricNames() {
       for (const std::string counter :
            {"frames_sent", "frames_accepted", "frames_rejected", "bytes_corrupted", "parity_errors"})
         all.push_back(std::string("link.").append(direction).append(".").append(counter).append("_count"));
-    all.insert(all.end(),
-               {"link.accepted_wrong_count", "link.accepted_stale_count", "link.resync_max_ms",
-                "protocol.requests_per_period_max_count", "protocol.actuators_per_request_max_count",
-                "protocol.actuators_before_reply_count", "protocol.replies_unanswered_count",
-                "protocol.malformed_sent_count", "protocol.refused_commands_count",
-                "protocol.replies_ignored_count", "protocol.commands_without_reply_count",
-                "firmware.failsafe_entered_count", "firmware.receive_overruns_count",
-                "firmware.stack_used_share_max", "firmware.restarts_count", "survival.time_s"});
+    all.insert(all.end(), {"link.accepted_wrong_count",
+                           "link.accepted_stale_count",
+                           "link.resync_max_ms",
+                           "protocol.requests_per_period_max_count",
+                           "protocol.actuators_per_request_max_count",
+                           "protocol.actuators_before_reply_count",
+                           "protocol.replies_unanswered_count",
+                           "protocol.malformed_sent_count",
+                           "protocol.refused_commands_count",
+                           "protocol.replies_ignored_count",
+                           "protocol.commands_without_reply_count",
+                           "firmware.failsafe_entered_count",
+                           "firmware.receive_overruns_count",
+                           "firmware.stack_used_share_max",
+                           "firmware.restarts_count",
+                           "firmware.lost_at_s",
+                           "redundancy.switches_count",
+                           "redundancy.without_control_s",
+                           "redundancy.largest_bump",
+                           "redundancy.split_brain_s",
+                           "redundancy.disagreement_s",
+                           "redundancy.clients_lost_count",
+                           "survival.time_s"});
     return all;
   }();
   return names;

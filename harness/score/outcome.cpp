@@ -12,10 +12,13 @@ double MetricOr(const Score& score, const char* name, double otherwise) {
 
 // A firmware that never sent a request did not fly. Of a flight that was not judged, silence says nothing.
 bool IsSilentAtTheEnd(const RunLog& log) {
-  return std::any_of(log.clients.begin(), log.clients.end(), [&](const ClientLog& client) {
+  const auto is_silent = [&](const ClientLog& client) {
     const auto& sent = client.sent_request_times_ns;
     return !sent.empty() && log.end_ns - sent.back() > kSilentNs;
-  });
+  };
+  // Redundant clients that are left fly the vehicle.
+  return log.redundancy ? std::ranges::all_of(log.clients, is_silent)
+                        : std::ranges::any_of(log.clients, is_silent);
 }
 
 }  // namespace
@@ -51,7 +54,10 @@ Outcome OutcomeOf(const RunLog& log, const Score& score) {
   const bool failsafe = std::any_of(log.clients.begin(), log.clients.end(), [](const ClientLog& client) {
     return client.failsafe_entered_count.value_or(0) > 0;
   });
-  if (score.restarts > 0 || failsafe) return Outcome::kDetected;
+  const bool took_over =
+      (log.redundancy && log.redundancy->switches_count > 0) ||
+      std::ranges::any_of(log.clients, [](const ClientLog& client) { return client.loss.has_value(); });
+  if (score.restarts > 0 || failsafe || took_over) return Outcome::kDetected;
   const double before_m = MetricOr(score, "tracking.rmse_before_faults_m", 0);
   const double since_m = MetricOr(score, "tracking.rmse_since_faults_m", 0);
   if (before_m > 0 && since_m > kDegradedRatio * before_m) return Outcome::kDegraded;

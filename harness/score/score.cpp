@@ -104,6 +104,18 @@ CriterionResult Ending(const RunLog& log) {
   return result;
 }
 
+// Text on the clients that the flight lost before its end: ", without client a (crashed at 3.204 s: ...)".
+std::string Losses(const Scenario& scenario, const RunLog& log) {
+  std::string text;
+  for (std::size_t client = 0; client < log.clients.size(); ++client)
+    if (const std::optional<ClientLoss>& loss = log.clients[client].loss;
+        loss && (log.end_reason == EndReason::kCompleted || loss->time_ns < log.end_ns))
+      text += (text.empty() ? ", without client " : " and client ") + scenario.client_id(client) + " (" +
+              (loss->hung ? "hung" : "crashed") + AtTime(ToSeconds(loss->time_ns)) + ": " +
+              OneLine(loss->text) + ")";
+  return text;
+}
+
 // The first of all clients' restarts that no fault asked for. The first one by itself has precedence: one that does not
 // follow lateness of this machine directly.
 struct UnaskedRestart {
@@ -123,6 +135,7 @@ std::optional<UnaskedRestart> FindUnaskedRestart(const Scenario& scenario, const
 
 CriterionResult Survival(const Scenario& scenario, const RunLog& log) {
   CriterionResult result = Ending(log);
+  result.explanation += Losses(scenario, log);
   if (scenario.allow_restarts || result.verdict == Verdict::kError) return result;
   const auto unasked = FindUnaskedRestart(scenario, log);
   if (!unasked) return result;

@@ -39,7 +39,7 @@ MAY_INCLUDE = {
                      "harness/reference", "plant", "faults", "link"],
     "harness/score": ["harness/score", "harness/run", "harness/scenario", "harness/formula", "harness/reference", "faults", "link"],
     "harness/engine": ["harness/engine", "harness/score", "harness/run", "harness/client", "harness/process", "harness/dds", "harness/scenario", "harness/terminal", "plant", "faults", "link"],
-    "harness/campaign": ["harness/campaign", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/client", "harness/scenario", "plant", "faults", "link"],
+    "harness/campaign": ["harness/campaign", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/client", "harness/scenario", "harness/formula", "plant", "faults", "link"],
     "harness/report": ["harness/report", "harness/engine", "harness/score", "harness/run", "harness/scenario", "faults", "link"],
     "harness/export": ["harness/export", "harness/report", "harness/engine", "harness/score", "harness/run", "harness/dds", "link"],
     "harness/live": ["harness/live", "harness/process", "harness/report", "harness/score", "harness/run", "harness/dds", "harness/scenario", "harness/reference", "link"],

@@ -65,6 +65,23 @@ extern CampaignStore& store;
 extern const std::filesystem::path folder;
 std::optional<MinimalForm> SmallestOf(std::uint64_t run);
 
+// harness/campaign/campaign_tasks.h
+extern CampaignStore& store;
+extern const std::filesystem::path folder, scratch;
+
+// harness/campaign/campaign_confirm.h
+extern const CampaignStore& store;
+extern const examples::Function Fly;
+
+// harness/engine/flights_options.h
+extern const examples::Function Show, FlyMore;
+
+// harness/cli/slurm.h
+extern const examples::Function Wait;
+
+// harness/cli/temporary_folder.h
+extern const examples::Function Use;
+
 // harness/campaign/campaign_compare.h
 extern const CampaignStore &store, &another;
 
@@ -142,6 +159,11 @@ extern const FrameSample sample;
 extern const CheckGroup group;
 extern faults::Random random;
 
+// harness/cli/session_talk.h
+extern const nlohmann::ordered_json hello, ended;
+extern ModelCache models;
+extern FlightJob job;
+
 // harness/cli/live_page.h
 extern const RunOptions options;
 extern const FlightMeans means;
@@ -189,6 +211,13 @@ extern std::string_view bytes;
 
 // harness/client/make_client.h
 extern ClientHost host;
+
+// harness/client/program_client.h
+extern ClientHost host;
+extern const ProgramHello hello;
+
+// harness/client/program_process.h
+extern const std::function<void(std::string)> on_line;
 
 // harness/client/sanitizer.h
 extern const std::string line;
@@ -457,8 +486,7 @@ extern const Record record;
 #include "harness/run/flight.h"
 
 // harness/run/arbiter.h
-extern std::vector<double> commanded;
-extern const struct Message { std::vector<double> actuators; } message;
+extern std::vector<double> command;
 
 // harness/client/task_delays.h
 extern Origin origin;

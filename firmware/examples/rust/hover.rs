@@ -92,7 +92,7 @@ impl Vehicle {
         Vehicle {
             hover: numbers(list(json, "signals"), "hover").collect(),
             inputs: (0..hover.len()).map(|i| Input { hover: hover[i], min: min[i], max: max[i] }).collect(),
-            gain: list(json, "gain").split('[').skip(1).map(|row| row.trim_end_matches([']', ',', ' ']).split(',').map(number).collect()).collect(),
+            gain: list(json, "gain").split('[').skip(1).map(|row| row.trim_end_matches(&[']', ',', ' '][..]).split(',').map(number).collect()).collect(),
             world_rates: json.contains("\"angular_rates\": \"world\""),
         }
     }

@@ -23,6 +23,7 @@ using tiltproof::firmware::FindBuild;
 using tiltproof::firmware::FlightApplication;
 using tiltproof::firmware::LqrApplication;
 using tiltproof::firmware::LqrSetup;
+using tiltproof::firmware::SupervisorState;
 using tiltproof::firmware::Uart;
 using tiltproof::link::Dialect;
 
@@ -119,6 +120,15 @@ void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatu
   const tiltproof::firmware::Status own =
       application == nullptr ? tiltproof::firmware::Status{} : application->status();
   *status = {.supervisor_state = static_cast<uint32_t>(own.state), .failsafe_count = own.failsafe_count};
+}
+
+// No build talks to another board: it claims whenever it flies by what it is sent.
+uint32_t tiltproof_client_role(const TiltproofClient* client) {
+  const auto* application = std::get_if<FlightApplication>(&client->application);
+  if (application == nullptr) return TILTPROOF_ROLE_ACTIVE;
+  const SupervisorState state = application->status().state;
+  if (IsFailsafe(state)) return TILTPROOF_ROLE_FAILED;
+  return state == SupervisorState::kInit ? TILTPROOF_ROLE_STANDBY : TILTPROOF_ROLE_ACTIVE;
 }
 
 int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {

@@ -15,17 +15,30 @@ using std::chrono::duration_cast;
 using std::chrono::milliseconds;
 using SteadyClock = std::chrono::steady_clock;
 
+// Each client has nodes of these kinds.
+bool IsOfClient(NodeKind kind) { return kind == NodeKind::kLink || kind == NodeKind::kClient; }
+
+// The text behind such a beginning among the node's capabilities.
+std::optional<std::string_view> Capability(const dds::Heartbeat& said, std::string_view beginning) {
+  for (const std::string_view capability : said.capabilities)
+    if (capability.starts_with(beginning)) return capability.substr(beginning.size());
+  return std::nullopt;
+}
+
 }  // namespace
 
-bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes, bool board,
-                    const std::string& run_id, std::string& missing) {
+bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+                    const std::vector<SoughtClient>& clients, const std::string& run_id,
+                    std::string& missing) {
   members_.clear();
+  clients_ = clients;
   std::string instead;
   // In the order of node ids.
   for (const auto& node : nodes) {
     if (!node.alive || node.last.kind == NodeKind::kHarness || node.last.kind == NodeKind::kMonitor) continue;
     if (processes != nullptr && processes->ParticipantOf(node.last.node_id) != node.participant) continue;
-    if (FindPlaceOf(node.last.kind) != nullptr) continue;
+    const std::optional<std::size_t> place = PlaceOf(node.last);
+    if (!place || FindPlaceOf(node.last.kind, *place) != nullptr) continue;
     if (node.last.version != TILTPROOF_VERSION) {
       instead = fmt::format("node of this version {}: {} has version {}", TILTPROOF_VERSION,
                             node.last.node_id, node.last.version);
@@ -39,30 +52,48 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* proc
     member.id = member.role = node.last.node_id;
     member.participant = node.participant;
     member.kind = node.last.kind;
+    member.client_place = *place;
+    member.part = Name(node.last.kind);
+    if (IsOfClient(node.last.kind) && !clients_[*place].id.empty()) member.part += "-" + clients_[*place].id;
     member.host = node.last.host;
-    for (const std::string_view capability : node.last.capabilities)
-      if (constexpr std::string_view kClient = "client="; capability.starts_with(kClient))
-        member.client = ClientOfKind(capability.substr(kClient.size()));
-    board |= member.client && std::holds_alternative<SerialBoard>(*member.client);
+    if (const auto kind = Capability(node.last, "client=")) member.client = ClientOfKind(*kind);
+    if (member.client && std::holds_alternative<SerialBoard>(*member.client))
+      clients_[*place].has_node = false;
   }
   missing.clear();
-  const auto need = [&](NodeKind kind, const char* what) {
-    if (FindPlaceOf(kind) == nullptr) missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
+  const auto need = [&](NodeKind kind, std::size_t place, const std::string& what) {
+    if (FindPlaceOf(kind, place) == nullptr)
+      missing += fmt::format("{}{}", missing.empty() ? "" : " and no ", what);
   };
-  need(NodeKind::kPlant, "plant node");
-  need(NodeKind::kLink, "link node");
-  if (!board) need(NodeKind::kClient, "client node");
-  need(NodeKind::kBaseStation, "base-station or joystick node");
+  const auto need_each = [&](NodeKind kind, const char* what) {
+    for (std::size_t place = 0; place < clients_.size(); ++place) {
+      if (kind == NodeKind::kClient && !clients_[place].has_node) continue;
+      const std::string& id = clients_[place].id;
+      need(kind, place, id.empty() ? what : fmt::format("{} of client {} (--id {})", what, id, id));
+    }
+  };
+  need(NodeKind::kPlant, 0, "plant node");
+  need_each(NodeKind::kLink, "link node");
+  need_each(NodeKind::kClient, "client node");
+  need(NodeKind::kBaseStation, 0, "base-station or joystick node");
   if (!instead.empty() && !missing.empty()) missing = instead;
   return missing.empty();
 }
 
 // Base station and joystick have one place: that of who sends references.
-const Member* Members::FindPlaceOf(NodeKind kind) const {
-  const auto place = [](NodeKind k) { return k == NodeKind::kJoystick ? NodeKind::kBaseStation : k; };
+const Member* Members::FindPlaceOf(NodeKind kind, std::size_t client_place) const {
+  const auto seat = [](NodeKind k) { return k == NodeKind::kJoystick ? NodeKind::kBaseStation : k; };
   for (const Member& member : members_)
-    if (place(member.kind) == place(kind)) return &member;
+    if (seat(member.kind) == seat(kind) && member.client_place == client_place) return &member;
   return nullptr;
+}
+
+std::optional<std::size_t> Members::PlaceOf(const dds::Heartbeat& said) const {
+  if (!IsOfClient(said.kind) || clients_.size() < 2) return 0;
+  const auto id = Capability(said, "id=");
+  for (std::size_t place = 0; place < clients_.size(); ++place)
+    if (id && clients_[place].id == *id) return place;
+  return std::nullopt;
 }
 
 void Members::Replace(Member& member, const std::string& id, const dds::Participant& participant) {
@@ -76,7 +107,8 @@ std::vector<std::string> Members::NewStrangers(const std::vector<dds::NodeLife>&
   std::vector<std::string> strangers;
   for (const auto& node : nodes) {
     const dds::Heartbeat& said = node.last;
-    const Member* member = FindPlaceOf(said.kind);
+    const std::optional<std::size_t> place = PlaceOf(said);
+    const Member* member = place ? FindPlaceOf(said.kind, *place) : nullptr;
     const bool of_another_run = !said.run_id.empty() && said.run_id != run_id;
     if (!node.alive || member == nullptr || of_another_run || strangers_.size() >= kStrangersMax) continue;
     const bool is_member = std::any_of(members_.begin(), members_.end(),
@@ -90,13 +122,13 @@ std::vector<std::string> Members::NewStrangers(const std::vector<dds::NodeLife>&
 
 void Members::CheckHosts() const {
   const Member& link = *Find(NodeKind::kLink);
-  for (const NodeKind kind : {NodeKind::kPlant, NodeKind::kClient}) {
-    const Member* member = Find(kind);
-    if (member != nullptr && member->host != link.host)
+  for (const Member& member : members_) {
+    const bool on_line = member.kind == NodeKind::kPlant || IsOfClient(member.kind);
+    if (on_line && member.host != link.host)
       throw std::runtime_error(fmt::format(
-          "the {} node runs on {} and the link node on {}: they share a serial line, so both must run "
+          "the {} node runs on {} and the {} node on {}: they share a serial line, so both must run "
           "on one host",
-          Name(kind), member->host, link.host));
+          member.part, member.host, link.part, link.host));
   }
 }
 
@@ -197,9 +229,9 @@ bool Members::AnySilent() const {
   });
 }
 
-const Member* Members::Find(NodeKind kind) const {
+const Member* Members::Find(NodeKind kind, std::size_t client_place) const {
   for (const Member& member : members_)
-    if (member.kind == kind) return &member;
+    if (member.kind == kind && member.client_place == client_place) return &member;
   return nullptr;
 }
 

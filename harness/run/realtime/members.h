@@ -16,11 +16,19 @@
 
 namespace tiltproof::harness {
 
+// A client of the flight whose nodes are looked for.
+struct SoughtClient {
+  std::string id;        // of one of several clients; empty: the only one
+  bool has_node = true;  // a board is on its link node's port and has none
+};
+
 struct Member {
   std::string id;  // node id
   dds::Participant participant;
   std::string role;  // of a process of ours: its name there
   dds::NodeKind kind{};
+  std::size_t client_place = 0;  // of a client or link node: the client's place in the scenario
+  std::string part;              // "plant", "link", "link-b": as faults name it
   std::string host;
   // The firmware that it is, or the link node's board: the kind alone.
   std::optional<ClientSpec> client;
@@ -49,11 +57,10 @@ class Members {
   static constexpr std::size_t kStrangersMax = 8;
 
   // Takes the nodes that a run needs, one of each, out of those that are heard; of several of one kind the first by
-  // node id. With `processes`, those alone that are our processes. False, and `missing` says what is not there
-  // ("plant node and no link node"), when they are not complete. `board`: the firmware is on the link's port and has
-  // no node.
-  bool Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes, bool board,
-             const std::string& run_id, std::string& missing);
+  // node id. Client and link nodes are one of each for every client. With `processes`, those alone that are our
+  // processes. False, and `missing` says what is not there ("plant node and no link node"), when they are not complete.
+  bool Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
+             const std::vector<SoughtClient>& clients, const std::string& run_id, std::string& missing);
   // Nodes that could be taken for members, by kind or by name, and are not: each once, and the first few alone.
   std::vector<std::string> NewStrangers(const std::vector<dds::NodeLife>& nodes, const std::string& run_id);
   // Who must share a host does, or std::runtime_error says who does not.
@@ -75,8 +82,8 @@ class Members {
   const std::vector<Member>& all() const { return members_; }
   // True if one is silent, not yet given up, and not kept away by a fault.
   bool AnySilent() const;
-  // Null when there is none.
-  const Member* Find(dds::NodeKind kind) const;
+  // Null when there is none. `client_place`: of a client or link node.
+  const Member* Find(dds::NodeKind kind, std::size_t client_place = 0) const;
   Member* FindRole(const std::string& role);
   // The base station or the joystick.
   const Member& reference_sender() const;
@@ -91,9 +98,13 @@ class Members {
   void Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame = true);
   // Another node of its host is silent too: then it is the host or the network, not this node.
   bool HostIsSilent(const Member& member) const;
-  const Member* FindPlaceOf(dds::NodeKind kind) const;
+  // The member that the node would be, or that is in its place. Null: none is, and the node's client is none of ours.
+  const Member* FindPlaceOf(dds::NodeKind kind, std::size_t client_place) const;
+  // The place of the client whose node it is; nullopt when it is none of the flight's.
+  std::optional<std::size_t> PlaceOf(const dds::Heartbeat& said) const;
 
   std::vector<Member> members_;
+  std::vector<SoughtClient> clients_;
   std::set<dds::Participant> strangers_;
 };
 

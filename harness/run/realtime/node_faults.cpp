@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "harness/run/realtime/client_parts.h"
 #include "harness/run/realtime/node_order.h"
 #include "link/overloaded.h"
 
@@ -29,11 +30,29 @@ bool ActsOnProcess(const faults::NodeAction& action) {
       action);
 }
 
+// With several clients, the nodes of the clients that a fault means.
+std::vector<faults::NodeCommand> CommandsOfParts(const Scenario& scenario) {
+  std::vector<faults::NodeCommand> commands;
+  for (const faults::NodeCommand& command : faults::NodeCommands(scenario.faults)) {
+    const std::string& whose = scenario.faults[command.fault].client;
+    if (command.node != "client" && command.node != "link") {
+      commands.push_back(command);
+      continue;
+    }
+    for (std::size_t client = 0; client < scenario.client_count(); ++client) {
+      if (!whose.empty() && whose != scenario.client_id(client)) continue;
+      commands.push_back(command);
+      commands.back().node = PartName(scenario, command.node, client);
+    }
+  }
+  return commands;
+}
+
 }  // namespace
 
 NodeFaults::NodeFaults(const Scenario& scenario, bool attached)
     : scenario_(scenario),
-      commands_(faults::NodeCommands(scenario.faults)),
+      commands_(CommandsOfParts(scenario)),
       begun_(commands_.size(), false),
       ended_(commands_.size(), false),
       counts_(scenario.faults, scenario.seed, {.protocol = scenario.link.protocol}) {
@@ -137,7 +156,7 @@ void NodeFaults::Apply(const faults::NodeCommand& command, bool begin, TimeNs no
 
 void NodeFaults::Send(const faults::NodeCommand& command, const NodeOrder& order, const Means& means) {
   for (const Member& member : means.members.all()) {
-    if (command.node != "all" && Name(member.kind) != command.node) continue;
+    if (command.node != "all" && member.part != command.node) continue;
     dds::FaultCommand out = ToMessage(order);
     out.run_id = means.run_id;
     out.node_id = member.id;

@@ -5,22 +5,41 @@
 #include <csignal>
 #include <utility>
 
+#include "harness/run/realtime/client_parts.h"
+
 namespace tiltproof::harness {
 
-NodeProcesses::NodeProcesses(const RealtimeOptions& options, const dds::Participant& harness,
-                             std::map<std::string, double> loss)
+NodeProcesses::NodeProcesses(const Scenario& scenario, const RealtimeOptions& options,
+                             const dds::Participant& harness, std::map<std::string, double> loss)
     : options_(options), harness_(harness), loss_(std::move(loss)) {
-  names_ = {"plant", "link", "base_station"};
-  // A board is its own node: it hangs on the link's port.
-  if (AbilitiesOf(options.client, true).node) names_.push_back("client");
+  const auto add = [&](const std::string& role, Part part) {
+    names_.push_back(role);
+    parts_[role] = std::move(part);
+  };
+  const auto add_each = [&](const char* kind) {
+    for (std::size_t client = 0; client < scenario.client_count(); ++client) {
+      const ClientSpec& spec = options.clients.at(client);
+      // A board is its own node: it hangs on the link's port.
+      const bool has_node = AbilitiesOf(spec, true).node, is_client = kind == std::string_view("client");
+      if (is_client && !has_node) continue;
+      Part part{.kind = kind};
+      if (is_client == has_node) part.client = spec;
+      if (scenario.has_several_clients()) part.client_id = scenario.client_id(client);
+      add(PartName(scenario, kind, client), std::move(part));
+    }
+  };
+  add("plant", {.kind = "plant"});
+  add_each("link");
+  add("base_station", {.kind = "base-station"});
+  add_each("client");
 }
 
 void NodeProcesses::Start(const std::string& role, const std::string& id) {
   ChildSpec spec;
-  const std::string kind = role == "base_station" ? "base-station" : role;
+  const Part& part = parts_.at(role);
   spec.command = {options_.program,
                   "node",
-                  kind,
+                  part.kind,
                   "--name",
                   id,
                   "--domain",
@@ -34,8 +53,8 @@ void NodeProcesses::Start(const std::string& role, const std::string& id) {
     spec.command.emplace_back(flag);
     spec.command.push_back(value);
   };
-  if (role == (AbilitiesOf(options_.client, true).node ? "client" : "link"))
-    add("--client", ToText(options_.client));
+  if (part.client) add("--client", ToText(*part.client));
+  if (part.client_id) add("--id", *part.client_id);
   if (const auto loss = loss_.find(role); loss != loss_.end())
     add("--xmit-loss", fmt::format("{}", loss->second));
   auto introduction = std::make_unique<Introduction>();

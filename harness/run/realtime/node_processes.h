@@ -17,10 +17,11 @@ class NodeProcesses {
  public:
   // `harness`: this process, the only one that they obey. `loss` by node: the share of its packets that a
   // fault lets the network lose.
-  NodeProcesses(const RealtimeOptions& options, const dds::Participant& harness,
+  NodeProcesses(const Scenario& scenario, const RealtimeOptions& options, const dds::Participant& harness,
                 std::map<std::string, double> loss);
 
-  // Starts `plant`, `link`, `client` or `base_station` as node `id`. Throws std::runtime_error.
+  // Starts `plant`, `link`, `client` or `base_station`, or `link-b` for one of several clients, as node `id`. Throws
+  // std::runtime_error.
   void Start(const std::string& role, const std::string& id);
   void StartAll();
   const std::vector<std::string>& names() const { return names_; }
@@ -36,7 +37,14 @@ class NodeProcesses {
   const RealtimeOptions& options_;
   dds::Participant harness_;
   std::map<std::string, double> loss_;
+  // The command of a role.
+  struct Part {
+    std::string kind;                           // of the node
+    std::optional<ClientSpec> client = {};      // that it is, or has on its ports
+    std::optional<std::string> client_id = {};  // of several
+  };
   std::vector<std::string> names_;
+  std::map<std::string, Part> parts_;
   std::map<std::string, std::unique_ptr<ChildProcess>> processes_;
   std::map<std::string, std::unique_ptr<Introduction>> introductions_;
 };

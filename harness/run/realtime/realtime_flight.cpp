@@ -9,10 +9,12 @@
 #include <chrono>
 #include <functional>
 #include <map>
+#include <set>
 #include <utility>
 
 #include "harness/run/flight.h"
 #include "harness/run/flown_files.h"
+#include "harness/run/realtime/client_parts.h"
 #include "harness/run/realtime/ending.h"
 #include "harness/run/realtime/injection.h"
 #include "harness/run/realtime/log_messages.h"
@@ -71,6 +73,9 @@ class RealtimeConductor {
   void Inject();
   NodeFaults::Means MeansOfNodeFaults();
   void Restart(const std::string& role);
+  std::string ClientKindFor(const Member& member) const;
+  // True if the flight goes on without the client whose node this is, which is then out of it.
+  bool LoseClient(const Member& member, const std::string& text);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
@@ -95,8 +100,8 @@ class RealtimeConductor {
   std::map<std::string, std::map<std::int64_t, dds::RunAck>> answers_;
   std::int64_t command_sequence_ = 0;
   int restart_count_ = 0;
-  std::vector<dds::Port> ports_;  // that the link offers
-  std::string client_kind_;
+  std::vector<dds::Port> ports_;        // that the link offers
+  std::set<std::size_t> lost_clients_;  // without which the flight goes on
   std::int64_t turn_count_ = 0;
 
   bool running_ = false;
@@ -111,7 +116,7 @@ class RealtimeConductor {
 RealtimeConductor::RealtimeConductor(const Scenario& scenario, const plant::VehicleModel& model,
                                      const RealtimeOptions& options)
     : scenario_(scenario), model_(model), options_(options) {
-  if (!options.attach) processes_.emplace(options_, bus_.bus.participant(), node_faults_.loss());
+  if (!options.attach) processes_.emplace(scenario_, options_, bus_.bus.participant(), node_faults_.loss());
 }
 
 RunLog RealtimeConductor::Run() {
@@ -142,7 +147,7 @@ RunLog RealtimeConductor::Run() {
   const bool completed = ending_.reason() == EndReason::kCompleted;
   node_faults_.WriteTo(collector_.log());
   collector_.log().Write(
-      {completed ? scenario_.duration_ns : ending_.end_ns(),
+      {completed ? scenario_.end_ns() : ending_.end_ns(),
        {},
        record::End{.reason = ending_.reason(),
                    .text = ending_.text(),
@@ -172,10 +177,11 @@ void RealtimeConductor::Conduct() {
   if (ending_.ended()) return;
   started_ = sim_seen_ = SteadyClock::now();
   // Bytes from before do not count, and a board says `start` but once. An emulator's socket is connected only now.
-  if (const auto* board = std::get_if<SerialBoard>(&options_.client);
-      !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
-    Print(stderr, "tiltproof: listening to the board for {:g} s: switch it on, or reset it, now\n",
-          ToSeconds(scenario_.duration_ns));
+  for (const ClientSpec& client : options_.clients)
+    if (const auto* board = std::get_if<SerialBoard>(&client);
+        !options_.attach && board != nullptr && board->reset.empty() && !board->device.starts_with("unix:"))
+      Print(stderr, "tiltproof: listening to the board for {:g} s: switch it on, or reset it, now\n",
+            ToSeconds(scenario_.duration_ns));
   Command(dds::Verb::kStart, false);
   FlyToTheEnd();
 }
@@ -183,10 +189,14 @@ void RealtimeConductor::Conduct() {
 // Every node that a run needs, by what it says of itself.
 void RealtimeConductor::FindNodes() {
   std::string missing;
+  std::vector<SoughtClient> clients;
+  for (std::size_t client = 0; client < scenario_.client_count(); ++client)
+    clients.push_back({.id = scenario_.has_several_clients() ? scenario_.client_id(client) : "",
+                       .has_node = AbilitiesOf(options_.clients.at(client), true).node});
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return ending_.ended() || members_.Adopt(bus_.nodes.Nodes(), processes_ ? &*processes_ : nullptr,
-                                             !AbilitiesOf(options_.client, true).node, run_id_, missing);
+    return ending_.ended() ||
+           members_.Adopt(bus_.nodes.Nodes(), processes_ ? &*processes_ : nullptr, clients, run_id_, missing);
   });
   if (ending_.ended()) throw std::runtime_error(ending_.text());
   if (!found)
@@ -229,15 +239,27 @@ void RealtimeConductor::Prepare() {
                        [&](const Member& member) { return HasTakenScenario(member); });
   });
   if (!taken) throw std::runtime_error("a node did not take the scenario within 10 s");
-  if (const Member* client = members_.Find(NodeKind::kClient); client != nullptr && client->client)
-    client_kind_ = KindOf(*client->client);
-  const auto answers = Command({.verb = dds::Verb::kPrepare, .client_kind = client_kind_}, false);
-  const Member& link = *members_.Find(NodeKind::kLink);
-  for (const auto& [node, ack] : answers)
-    if (node == link.id) ports_ = ack.ports;
+  std::map<std::string, dds::RunAck> answers;
+  if (scenario_.has_several_clients()) {
+    for (const Member& member : members_.all())
+      answers.merge(Command(
+          {.node_id = member.id, .verb = dds::Verb::kPrepare, .client_kind = ClientKindFor(member)}, false));
+  } else {
+    answers =
+        Command({.verb = dds::Verb::kPrepare, .client_kind = ClientKindFor(members_.all().front())}, false);
+  }
+  for (const Member& member : members_.all())
+    if (member.kind == NodeKind::kLink)
+      ports_.insert(ports_.end(), answers[member.id].ports.begin(), answers[member.id].ports.end());
   // On another host the paths of pseudo-terminals mean nothing: then references go over the bus.
-  if (members_.reference_sender().host != link.host)
-    std::erase_if(ports_, [](const dds::Port& port) { return port.name == "base_station"; });
+  if (members_.reference_sender().host != members_.Find(NodeKind::kLink)->host)
+    std::erase_if(ports_, [](const dds::Port& port) { return port.name.starts_with("base_station"); });
+}
+
+// Kind of the member's client, or of the only one; empty: not known.
+std::string RealtimeConductor::ClientKindFor(const Member& member) const {
+  const Member* client = members_.Find(NodeKind::kClient, member.client_place);
+  return client != nullptr && client->client ? std::string(KindOf(*client->client)) : std::string();
 }
 
 std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::RunCommand command, bool tolerate_lost) {
@@ -301,7 +323,7 @@ void RealtimeConductor::Turn() {
   // not go on.
   if (options_.progress_ns != nullptr)
     options_.progress_ns->store(sim_ns_ + ++turn_count_ % kNsPerUs, std::memory_order_relaxed);
-  collector_.Drain(std::min(sim_ns_, scenario_.duration_ns));
+  collector_.Drain(std::min(sim_ns_, scenario_.end_ns()));
   if (!collector_.overfull().empty()) End(EndReason::kHarnessError, collector_.overfull());
   OnStates();
   WatchMembers();
@@ -322,12 +344,24 @@ void RealtimeConductor::OnStates() {
           reason == EndReason::kGroundStrike)
         ending_.End(*reason, state.text, state.time_ns);
     }
+    const auto member = std::find_if(members_.all().begin(), members_.all().end(),
+                                     [&](const Member& each) { return each.id == state.node_id; });
     const bool of_node =
         reason && (WentAway(*reason) || reason == EndReason::kNodeLost || reason == EndReason::kLineOverfull);
-    if (state.phase == dds::Phase::kFailed && of_node)
+    if (state.phase == dds::Phase::kFailed && of_node &&
+        (member == members_.all().end() || !LoseClient(*member, state.text)))
       ending_.Hear(*reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
                    SteadyClock::now());
   }
+}
+
+bool RealtimeConductor::LoseClient(const Member& member, const std::string& text) {
+  const bool of_client = member.kind == NodeKind::kClient || member.kind == NodeKind::kLink;
+  // A client that cannot even begin ends the flight, as the others do.
+  if (!of_client || !running_ || !MayLose(scenario_, member.client_place)) return false;
+  if (lost_clients_.insert(member.client_place).second)
+    collector_.log().Write({sim_ns_, member.client_place, record::Event{"client_lost", text}});
+  return true;
 }
 
 void RealtimeConductor::WatchMembers() {
@@ -351,6 +385,8 @@ void RealtimeConductor::WatchMembers() {
         break;
       case MemberChange::Kind::kLost: {
         const std::string text = fmt::format("{} (at {:.3f} s)", change.text, ToSeconds(sim_ns_));
+        const Member* member = members_.FindRole(change.role);
+        if (member != nullptr && member->kind == NodeKind::kClient && LoseClient(*member, change.text)) break;
         Note("node_lost", text);
         End(change.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
         break;
@@ -360,7 +396,7 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const std::chrono::nanoseconds duration(scenario_.duration_ns), start_wait(StartWait(scenario_));
+  const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
     Turn();
     Inject();
@@ -413,7 +449,9 @@ void RealtimeConductor::Restart(const std::string& role) {
   Member& member = *members_.FindRole(role);
   const std::string id = fmt::format("{}-{}", role, ++restart_count_ + 1);
   processes_->Start(role, id);
-  if (member.kind == NodeKind::kClient) Note(kResetEvent, "started again as a new process");
+  if (member.kind == NodeKind::kClient)
+    collector_.log().Write({sim_ns_, Whose(scenario_, member.client_place),
+                            record::Event{kResetEvent, "started again as a new process"}});
   bool joined = false;
   const bool back = Await(kCommandLimit, [&] {
     const auto participant = processes_->ParticipantOf(role);
@@ -424,7 +462,8 @@ void RealtimeConductor::Restart(const std::string& role) {
   if (!back) End(EndReason::kNodeLost, fmt::format("the {} node did not come back", role));
   for (const dds::Verb verb : {dds::Verb::kPrepare, dds::Verb::kArm, dds::Verb::kStart}) {
     if (ending_.ended()) return;
-    Command({.node_id = member.id, .verb = verb, .ports = ports_, .client_kind = client_kind_}, true);
+    Command({.node_id = member.id, .verb = verb, .ports = ports_, .client_kind = ClientKindFor(member)},
+            true);
   }
 }
 

@@ -26,9 +26,9 @@
 namespace tiltproof::harness {
 
 struct RealtimeOptions {
-  std::string program;        // this program, to start nodes with
-  std::string scenario_yaml;  // the resolved scenario
-  ClientSpec client;          // with `attach` the attached nodes decide
+  std::string program;              // this program, to start nodes with
+  std::string scenario_yaml;        // the resolved scenario
+  std::vector<ClientSpec> clients;  // in the scenario's order; with `attach` the attached nodes decide
 
   bool attach = false;
   BusPlace place;  // attached: where the nodes are

@@ -30,6 +30,7 @@ enum class Message : std::uint8_t {
   kSendOwn,
   kFinish,
   kHear,
+  kRole,
   kStart,
   kReceive,
   kGrant,

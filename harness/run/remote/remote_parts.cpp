@@ -210,6 +210,10 @@ void RemotePlantServer::SendOwn(BootTime now, const SendTo& send) {
   for (const auto& [client, frame] : unpacker.Next<std::vector<FrameTo>>()) send(client, frame);
 }
 
+void RemotePlantServer::NoteRole(std::size_t client, std::uint32_t role) {
+  part_.Ask(RemotePart::Request(Message::kRole, client, role));
+}
+
 void RemotePlantServer::Finish(BootTime end, const AllCounts& counts) {
   const auto answer = part_.Ask(RemotePart::Request(Message::kFinish, end, counts));
   Unpacker unpacker(answer);

@@ -75,6 +75,7 @@ class RemotePlantServer final : public PlantServer {
   void Receive(std::size_t client, BootTime arrival, const link::Message& message,
                const Reply& reply) override;
   void SendOwn(BootTime now, const SendTo& send) override;
+  void NoteRole(std::size_t client, std::uint32_t role) override;
   void Finish(BootTime end, const AllCounts& counts) override;
   const State& state() const override { return state_; }
   std::vector<faults::FaultEvent> PollEvents() override { return std::exchange(news_, {}); }

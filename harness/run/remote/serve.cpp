@@ -160,6 +160,11 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
         answer(server->state(), server->PollEvents(), TakeBatch(records), frames);
         return;
       }
+      case Message::kRole: {
+        const auto client = request.Next<std::size_t>();
+        server->NoteRole(client, request.Next<std::uint32_t>());
+        return;
+      }
       case Message::kHear:
         server->Hear(request.Next<std::vector<faults::FaultEvent>>());
         return;

@@ -162,7 +162,7 @@ TEST_F(CampaignSummaryTest, ShardsThatContradictEachOtherAreNotMerged) {
   EXPECT_THAT(ErrorOf([&] {
                 MergeCampaigns(std::vector{folder_ / "a", folder_ / "other"}, folder_ / "m", {});
               }),
-              ::testing::AllOf(HasSubstr("are not of the same campaign"), HasSubstr("frame")));
+              ::testing::AllOf(HasSubstr("is not of the same campaign as the others"), HasSubstr("frame")));
 }
 
 TEST_F(CampaignSummaryTest, MinimisingGoesOnWhereItStopped) {

@@ -49,7 +49,7 @@ FlightJob Biased(const std::string& name, double bias_m) {
 }
 
 TrialResult Try(const FlightJob& job, int jobs_count = 1) {
-  Trials trials({.jobs_count = jobs_count, .seeds_count = 3});
+  Trials trials({.jobs_count = jobs_count}, 3);
   std::optional<TrialResult> found;
   trials.Start(job, [&](const TrialResult& result) { found = result; });
   trials.Fly();
@@ -105,7 +105,7 @@ TEST(Trials, OneThatFailsDecides) {
 }
 
 TEST(Trials, SeedsAfterOneThatFailsAreNotFlown) {
-  Trials trials({.jobs_count = 1, .seeds_count = 100});
+  Trials trials({.jobs_count = 1}, 100);
   trials.Start(Biased("hard", 5), [](const TrialResult&) {});
   trials.Fly();
   EXPECT_EQ(trials.flown_count(), 1u);
@@ -142,7 +142,7 @@ TEST(Trials, AnUndecidedCriterionIsNoFailure) {
 }
 
 TEST(Trials, OneEndedMayStartAnother) {
-  Trials trials({.jobs_count = 2, .seeds_count = 2});
+  Trials trials({.jobs_count = 2}, 2);
   std::vector<Answer> answers;
   trials.Start(Biased("first", 0.01), [&](const TrialResult& first) {
     answers.push_back(first.answer);
@@ -164,7 +164,7 @@ TEST(FindMargins, FindsAllAtOnceWithAnyNumberOfJobs) {
   const std::vector<MarginTask> tasks = Tasks();
   std::vector<std::optional<Margin>> first;
   for (const int jobs_count : {1, 3}) {
-    Trials trials({.jobs_count = jobs_count, .seeds_count = 2});
+    Trials trials({.jobs_count = jobs_count}, 2);
     const auto margins = FindMargins(trials, tasks, {.tolerance = 0.1});
     ASSERT_EQ(margins.size(), 2u);
     EXPECT_LT(margins[0]->survives.value(), margins[0]->fails.value());
@@ -183,7 +183,7 @@ TEST(FindMargins, FindsAllAtOnceWithAnyNumberOfJobs) {
 TEST(FindMargins, AnErrorIsNoMarginAndCostsNoOther) {
   std::vector<MarginTask> tasks = Tasks();
   tasks[0].job.recorder.begin = [](const Scenario&) { kill(getpid(), SIGKILL); };
-  Trials trials({.jobs_count = 2, .seeds_count = 2});
+  Trials trials({.jobs_count = 2}, 2);
   const auto margins = FindMargins(trials, tasks, {.tolerance = 0.1});
   EXPECT_EQ(margins[0]->survives, std::nullopt);
   EXPECT_EQ(margins[0]->fails, std::nullopt);
@@ -193,7 +193,7 @@ TEST(FindMargins, AnErrorIsNoMarginAndCostsNoOther) {
 
 TEST(FindMargins, AnInterruptLeavesNoMargin) {
   std::atomic<bool> interrupted{false};
-  Trials trials({.jobs_count = 1, .seeds_count = 2, .interrupted = &interrupted});
+  Trials trials({.jobs_count = 1, .interrupted = &interrupted}, 2);
   const auto margins =
       FindMargins(trials, Tasks(),
                   {.on_level = [&](const MarginTask&, double, const TrialResult&) { interrupted = true; }});

@@ -48,6 +48,11 @@ class CampaignResultsTest(CommandLineTest):
         self.assertEqual(code, 0, err)
         self.assertRegex(out, r"campaign night: 40 of 40 runs from 3 folders, \d+ failed in \d+ way")
         self.assertEqual((self.folder / "merged/campaign.json").read_bytes(), (self.folder / "whole/campaign.json").read_bytes())
+        flights = {folder: sorted(str(path.relative_to(self.folder / folder)) for path in (self.folder / folder).glob("failures/*/*/verdict.json")) for folder in ("merged", "whole")}
+        self.assertEqual(flights["merged"], flights["whole"])
+        self.assertTrue(flights["whole"])
+        for path in flights["merged"]:
+            self.assertEqual(self.tiltproof("replay", self.folder / "merged" / path.removesuffix("/verdict.json"))[0], 0)
         everything = "SELECT number, seed, verdict, trace_hash FROM run ORDER BY number"
         self.assertEqual(self.sql("merged", everything), self.sql("whole", everything))
         self.assertTrue((self.folder / "merged/campaign.html").exists())
@@ -91,7 +96,7 @@ class CampaignResultsTest(CommandLineTest):
         self.assertRegex(err, r"a and b have different draws, so that they cannot be compared. Run 0:")
         code, _, err = self.tiltproof("campaign", "merge", "a", "b", "--out", "m")
         self.assertEqual(code, 2)
-        self.assertRegex(err, r"a and b are not of the same campaign: .*seed")
+        self.assertRegex(err, r"b is not of the same campaign as the others: .*seed")
         for words in (("compare", "a", "none"), ("merge", "none", "--out", "m")):
             code, _, err = self.tiltproof("campaign", *words)
             self.assertEqual((code, "none: there is no campaign in this folder" in err), (2, True), err)

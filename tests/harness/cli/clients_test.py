@@ -127,13 +127,13 @@ class ClientsTest(unittest.TestCase):
     def test_mistakes(self):
         two = self.scenario("two", TWO)
         for arguments, why in ((["--client", "c=host"], "no scenario has a client 'c'; there are: a, b"), (["--client", "a=hots"], "did you mean host"),
-                               (["--client", "a=host", "--client", "a=host"], "has one already"), (["--mode", "realtime"], "lockstep")):
+                               (["--client", "a=host", "--client", "a=host"], "has one already")):
             done = self.tiltproof("run", two, *arguments)
             self.assertEqual(done.returncode, 2, arguments)
             self.assertIn(why, done.stderr)
         for more, why in (("clients: [{id: a}, {id: a}]", "'a' is taken already"), ("clients: [{id: a-b}]", "letters, digits and '_'"),
                           (f"{TWO}\narbiter: {{type: single, client: c}}", "there is no client 'c'"),
-                          (f"{TWO}\narbiter: {{type: primary_backup}}", "valid: single"), (f"{TWO}\n{SILENT % 'x'}", "there is no client 'x'"),
+                          (f"{TWO}\narbiter: {{type: voting_of_all}}", "valid: single"), (f"{TWO}\n{SILENT % 'x'}", "there is no client 'x'"),
                           (f"{TWO}\nfaults: [{{id: f, type: actuator.loss_of_effectiveness, client: a, parameters: {{actuator: f_r, factor: 0.9}}}}]",
                            "acts on the vehicle")):
             done = self.tiltproof("check", self.scenario("wrong", more))

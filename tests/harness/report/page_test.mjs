@@ -781,6 +781,22 @@ check("a campaign has a page with its ways to fail, types, curve and coverage", 
   await page.close();
 });
 
+check("a campaign shows where another client differs", async () => {
+  const flight = (verdict, criterion, time_s, margin) => ({ verdict, criterion, time_s, margin });
+  const rows = [
+    { run: 3, signature: "near,completed,wire.drop", campaign: flight("fail", "near", 3.5, -0.2), confirmed: flight("fail", "near", 3.512, -0.19), same: true },
+    { run: 17, signature: "", campaign: flight("pass", "", null, 0.004), confirmed: flight("fail", "<img src=x>", 2, -1), same: false },
+  ];
+  const page = await open(campaignPage("confirmed", (all) => ({ ...all, confirmed: [{ client: "qemu:night.elf", flights: 2, same: 1, differ: 1, rows }] })));
+  assert.match(await page.locator("main").textContent(), /Confirmed by qemu:night.elf1 of 2 flights have the same verdict/);
+  assert.deepEqual(await page.locator(".confirmed tbody th").allTextContents(), ["3", "17"]);
+  await page.locator(".filters select").filter({ hasText: "another" }).selectOption("other");
+  assert.deepEqual(await page.locator(".confirmed tbody th").allTextContents(), ["17"]);
+  assert.match(await page.locator(".confirmed tbody tr").textContent(), /pass.*fail <img src=x> at 2 s/);
+  assert.equal(await page.locator("main img").count(), 0);
+  await page.close();
+});
+
 check("a campaign with hostile names, and one without a run", async () => {
   const page = await open(campaignPage("hostile", (all) => ({ ...all, campaign: EVIL, complete: false, failures: all.failures.map((group) => ({ ...group, criterion: EVIL, end: EVIL, types: [EVIL] })), by_type: all.by_type.map((rate) => ({ ...rate, type: EVIL })), by_firmware: [{ ...all.by_firmware[0], name: EVIL }] })));
   for (const button of await page.locator("button.open").all()) await button.click();

@@ -37,7 +37,7 @@ NodeLife& Of(std::vector<NodeLife>& nodes, NodeKind kind) {
 std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
   Members members;
   std::string missing;
-  const bool complete = members.Adopt(nodes, nullptr, board, "run", missing);
+  const bool complete = members.Adopt(nodes, nullptr, {{.id = {}, .has_node = !board}}, "run", missing);
   EXPECT_EQ(complete, missing.empty());
   return missing;
 }
@@ -45,7 +45,7 @@ std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
 TEST(Adopt, TakesOneOfEachAndNoOnlookers) {
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(Fleet(), nullptr, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(Fleet(), nullptr, {{}}, "run", missing));
   std::vector<std::string> ids;
   for (const Member& member : members.all()) ids.push_back(member.id);
   EXPECT_THAT(ids, ElementsAre("base_station", "client", "link", "plant"));
@@ -92,7 +92,7 @@ TEST(Adopt, TakesTheFirstOfAKindAndNamesTheOthersOnce) {
   nodes.back().last.run_id = "other";
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
   EXPECT_EQ(members.Find(NodeKind::kPlant)->id, "plant");
   EXPECT_EQ(members.reference_sender().id, "base_station");
   EXPECT_EQ(members.all().size(), 4u);
@@ -110,12 +110,42 @@ TEST(Adopt, TakesTheFirstOfAKindAndNamesTheOthersOnce) {
   EXPECT_THAT(members.NewStrangers(nodes, "run"), IsEmpty());
 }
 
+// Each of several clients has a client node and a link node, known by the id that they tell.
+TEST(Adopt, TakesTheNodesOfEachClient) {
+  const auto of = [](NodeLife node, const std::string& id) {
+    node.last.capabilities.push_back("id=" + id);
+    return node;
+  };
+  std::vector<NodeLife> nodes = {
+      Node("base_station", NodeKind::kBaseStation), of(Node("c1", NodeKind::kClient), "b"),
+      of(Node("c2", NodeKind::kClient), "a"),       Node("c3", NodeKind::kClient),
+      of(Node("l1", NodeKind::kLink), "a"),         Node("plant", NodeKind::kPlant)};
+  Members members;
+  std::string missing;
+  const std::vector<SoughtClient> clients = {{.id = "a"}, {.id = "b"}};
+  EXPECT_FALSE(members.Adopt(nodes, nullptr, clients, "run", missing));
+  EXPECT_EQ(missing, "link node of client b (--id b)");
+  nodes.push_back(of(Node("l2", NodeKind::kLink), "b"));
+  nodes.push_back(of(Node("l3", NodeKind::kLink), "b"));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, clients, "run", missing)) << missing;
+  EXPECT_EQ(members.Find(NodeKind::kClient, 0)->id, "c2");
+  EXPECT_EQ(members.Find(NodeKind::kClient, 1)->part, "client-b");
+  EXPECT_EQ(members.Find(NodeKind::kLink, 1)->id, "l2");
+  EXPECT_EQ(members.all().size(), 6u);
+  EXPECT_THAT(members.NewStrangers(nodes, "run"),
+              ElementsAre("the link node l3 on here (process 0) is ignored: this flight has l2"));
+  // A board on the cables of one link node has no node of its own.
+  nodes.erase(nodes.begin() + 1);
+  nodes[5].last.capabilities.push_back("client=serial");
+  EXPECT_TRUE(members.Adopt(nodes, nullptr, clients, "run", missing)) << missing;
+}
+
 TEST(Adopt, NamesAFewStrangersAlone) {
   auto nodes = Fleet();
   for (char c = 'a'; c <= 'z'; ++c) nodes.push_back(Node(std::string("x") + c, NodeKind::kPlant));
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
   EXPECT_EQ(members.NewStrangers(nodes, "run").size(), Members::kStrangersMax);
 }
 
@@ -124,10 +154,10 @@ TEST(CheckHosts, ThoseOnOneSerialLineShareAHost) {
   Of(nodes, NodeKind::kBaseStation).last.host = "there";
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
   EXPECT_NO_THROW(members.CheckHosts());
   Of(nodes, NodeKind::kClient).last.host = "there";
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, false, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
   try {
     members.CheckHosts();
     ADD_FAILURE();
@@ -141,7 +171,7 @@ class WatchTest : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string missing;
-    ASSERT_TRUE(members_.Adopt(nodes_, nullptr, false, "run", missing));
+    ASSERT_TRUE(members_.Adopt(nodes_, nullptr, {{}}, "run", missing));
   }
   std::vector<MemberChange> Watch(const std::set<std::string>& excused = {}) {
     return members_.Watch(nodes_, nullptr, excused, {}, now_);

@@ -27,9 +27,9 @@ Trace Rows(std::size_t count) {
 
 TEST(SupervisorStates, EachRowHasTheLastStateUpToItsTime) {
   Trace trace = Rows(5);
-  const std::vector<SupervisorChange> changes = {
+  const std::vector<ToldChange> changes = {
       {11 * kNsPerMs, 2}, {12 * kNsPerMs, 3}, {25 * kNsPerMs, 4}, {36 * kNsPerMs, 5}};
-  AddSupervisorState({}, 0, changes, trace);
+  AddTold("supervisor_state", changes, kNever, trace);
   ASSERT_THAT(trace.columns(), ElementsAre("t_s", "x_m", "supervisor_state"));
   EXPECT_TRUE(std::isnan(trace.at(0, 2)));  // nothing was said yet
   for (const auto& [row, state] : {std::pair(1, 3.0), {2, 3.0}, {3, 5.0}, {4, 5.0}})
@@ -39,13 +39,13 @@ TEST(SupervisorStates, EachRowHasTheLastStateUpToItsTime) {
 
 TEST(SupervisorStates, AClientThatSaysNothingHasNoColumn) {
   Trace trace = Rows(2);
-  AddSupervisorState({}, 0, {}, trace);
+  AddTold("supervisor_state", {}, kNever, trace);
   EXPECT_THAT(trace.columns(), ElementsAre("t_s", "x_m"));
 }
 
 TEST(SupervisorStates, WithoutRowsFormulasFindTheName) {
   Trace trace = Rows(0);
-  AddSupervisorState({}, 0, {}, trace);
+  AddTold("supervisor_state", {}, kNever, trace);
   EXPECT_THAT(trace.columns(), ElementsAre("t_s", "x_m", "supervisor_state"));
   EXPECT_EQ(trace.row_count(), 0U);
 }

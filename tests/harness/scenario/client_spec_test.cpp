@@ -34,13 +34,14 @@ TEST(ClientSpec, EveryFormIsRead) {
   EXPECT_EQ(ParseClient("qemu:freertos,hse=25000000"),
             ClientSpec(EmulatedImage{.file = "", .scheduler = "freertos", .hse_hz = 25'000'000}));
   EXPECT_EQ(ParseClient("process:./a --b=c:d,e"), ClientSpec(Program{"./a --b=c:d,e"}));
+  EXPECT_EQ(ParseClient("program:A=1 ./a {b} | c"), ClientSpec(LockstepProgram{"A=1 ./a {b} | c"}));
   EXPECT_EQ(ParseClient("serial:/dev/ttyUSB0"), ClientSpec(SerialBoard{"/dev/ttyUSB0", ""}));
   EXPECT_EQ(ParseClient("serial:unix:/a,unix:@b"), ClientSpec(SerialBoard{"unix:/a", "unix:@b"}));
 }
 
 TEST(ClientSpec, ThePlainTextIsTheShortest) {
   for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0",
-                           "library:/a/b.so", "process:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
+                           "library:/a/b.so", "process:sleep 1", "program:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
     EXPECT_EQ(ToText(ParseClient(text)), text);
   EXPECT_EQ(ToText(ParseClient("qemu:executive,main=usart2")), "qemu");
 }
@@ -51,7 +52,7 @@ RC_GTEST_PROP(ClientSpec, TheTextReadsBackAsTheSame, ()) {
   const ClientSpec client = *rc::gen::element<ClientSpec>(
       HostLibrary{"/" + word}, EmulatedImage{"/" + word, "executive", usarts[0], usarts[1], usarts[2]},
       EmulatedImage{"", "freertos", usarts[0], usarts[1], usarts[2]}, Program{word + ":," + word},
-      SerialBoard{word, ""}, SerialBoard{"unix:" + word, word});
+      LockstepProgram{word + ":," + word}, SerialBoard{word, ""}, SerialBoard{"unix:" + word, word});
   RC_ASSERT(ParseClient(ToText(client)) == client);
 }
 
@@ -78,6 +79,7 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
   EXPECT_THAT(Mistake("host:/x.so"), HasSubstr("library:FILE"));
   EXPECT_EQ(Mistake("serial:"), "names nothing");
   EXPECT_EQ(Mistake("library"), "names nothing");
+  EXPECT_EQ(Mistake("program: "), "names nothing");
   EXPECT_THAT(Mistake("serial:a,b,c"), HasSubstr("serial:DEVICE,DEVICE"));
   EXPECT_THAT(Mistake("serial:a,reset="), HasSubstr("reset=st-flash reset"));
   EXPECT_THAT(Mistake("serial:,reset=dtr"), HasSubstr("serial:DEVICE"));
@@ -88,7 +90,7 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
 }
 
 TEST(ClientSpec, TheKindAloneComesBack) {
-  for (const char* text : {"host", "qemu:/x.elf", "process:a", "serial:a"}) {
+  for (const char* text : {"host", "qemu:/x.elf", "process:a", "serial:a", "program:a"}) {
     const ClientSpec client = ParseClient(text);
     const auto kind = ClientOfKind(KindOf(client));
     ASSERT_TRUE(kind.has_value()) << text;

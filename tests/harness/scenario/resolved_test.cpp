@@ -28,6 +28,10 @@ class RandomFiller : public KeyVisitor {
   void MaybeNumber(const Key&, std::optional<double>& value, Range range) override {
     value = AnyNumber(range);
   }
+  void NumberOr(const Key&, std::string_view, std::optional<double>& value, Range range) override {
+    value.reset();
+    if (*rc::gen::arbitrary<bool>()) value = AnyNumber(range);
+  }
   void Integer(const Key&, std::int64_t& value, Range range) override {
     value = *rc::gen::inRange(static_cast<std::int64_t>(range.min), static_cast<std::int64_t>(range.max) + 1);
   }
@@ -122,7 +126,19 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
     const auto place = *rc::gen::inRange<std::size_t>(0, s.clients.size() + 1);
     return place < s.clients.size() ? s.clients[place].id : "";
   };
-  s.arbiter.client = any_client();
+  ArbiterSpec& arbiter = s.arbiter;
+  if (s.clients.size() < 2) arbiter = {};
+  if (arbiter.type == ArbiterType::kDuplexCompare && s.clients.size() > 2)
+    arbiter = {.type = ArbiterType::kMidValue, .timeout_ms = arbiter.timeout_ms};
+  if (arbiter.type == ArbiterType::kSingle) arbiter.client = any_client();
+  if (arbiter.type == ArbiterType::kPrimaryBackup) {
+    arbiter.order.clear();
+    for (const ClientEntry& client : s.clients)
+      if (arbiter.order.empty() || *rc::gen::arbitrary<bool>())
+        arbiter.order.insert(arbiter.order.begin(), client.id);
+  }
+  if (arbiter.type == ArbiterType::kDuplexCompare)
+    arbiter.on_disagreement = *rc::gen::elementOf(std::vector<std::string>{"hold", "hover", s.clients[1].id});
   for (std::size_t i = 0; i < s.faults.size(); ++i) {
     faults::FaultSpec& fault = s.faults[i];
     if (fault.type == "frame.length_error") {  // the frames of `paper` have no length
@@ -206,6 +222,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.start_within_ns == b.start_within_ns);
   RC_ASSERT(a.seed == b.seed);
   RC_ASSERT(a.duration_ns == b.duration_ns);
+  RC_ASSERT(a.stop_ns == b.stop_ns);
   RC_ASSERT(a.step_ns == b.step_ns);
   RC_ASSERT(a.angular_rates == b.angular_rates);
   RC_ASSERT(a.allow_invalid_inertia == b.allow_invalid_inertia);

@@ -100,7 +100,7 @@ class Flight:
         return [int(pid) for pid in children if re.search(rb"\) Z ", read(f"/proc/{int(pid)}/stat"))]
 
     def nodes(self):
-        """{"plant": pid, ..., "worker": pid, "main": pid}"""
+        """{"plant": pid, ..., "worker": pid, "main": pid}; with several clients "link-a", "client-a" """
         nodes = {"main": self.process.pid}
         processes = self.processes()
         for pid, command in processes.items():
@@ -108,7 +108,8 @@ class Flight:
                 # A process that a node starts has the node's words until it executes its own.
                 if processes.get(parent_of(pid)) == command:
                     continue
-                nodes[command[2].replace("-", "_")] = pid
+                of_client = "-" + command[command.index("--id") + 1] if "--id" in command else ""
+                nodes[command[2].replace("-", "_") + of_client] = pid
             elif pid != self.process.pid and command[1:2] == ["run"]:
                 nodes["worker"] = pid
         return nodes

@@ -97,13 +97,25 @@ const rateTable = (label, name, rates, nameOf) =>
   el("div", { class: "scroll" }, el("table", { class: "small rates" }, el("caption", { text: label }), el("thead", {}, el("tr", {}, [name, "Flights", "Failed", "Pass", ""].map((head, i) => el("th", { scope: "col", class: i > 0 && i < 4 ? "n" : "", text: head })))),
     el("tbody", {}, rates.map((rate) => el("tr", {}, el("th", { scope: "row", text: nameOf(rate) }), el("td", { class: "n", text: count(rate.flights) }), el("td", { class: "n", text: count(rate.failed) }), el("td", { class: "n", title: interval(rate), text: percent(rate.rate) }), el("td", {}, rateBar(rate, nameOf(rate))))))));
 
+const outcome = (flight) => `${flight.verdict}${flight.criterion ? ` ${flight.criterion}` : ""}${flight.time_s === null ? "" : ` at ${number(flight.time_s, 4)} s`}`;
+const margin = (flight) => el("td", { class: "n", text: flight.margin === null ? "–" : number(flight.margin, 3) });
+
+// Runs that another client has flown again.
+function confirmed({ client, flights, same, rows }) {
+  const [filters, told, table] = listing({ label: `Flights of ${client}`, noun: "flights", kind: "confirmed", placeholder: "verdict, criterion", items: rows, words: (row) => `${outcome(row.campaign)} ${outcome(row.confirmed)} ${row.signature}`,
+    row: (row) => el("tr", {}, el("th", { scope: "row", class: "n", text: count(row.run) }), el("td", { text: outcome(row.campaign) }), margin(row.campaign), el("td", { class: row.same ? "" : "worse", text: outcome(row.confirmed) }), margin(row.confirmed)),
+    columns: [{ key: "run", label: "Run", numeric: true, of: (r) => r.run }, { key: "campaign", label: "In the campaign", of: (r) => outcome(r.campaign) }, { key: "margin", label: "Margin", numeric: true, of: (r) => r.campaign.margin ?? Infinity }, { key: "confirmed", label: client, of: (r) => outcome(r.confirmed) }, { key: "margin2", label: "Margin", numeric: true, of: (r) => r.confirmed.margin ?? Infinity }],
+    selects: [{ label: "Verdict and criterion", options: [["same", "the same"], ["other", "another"]], fits: (row, value) => row.same === (value === "same") }] });
+  return [el("h2", { text: `Confirmed by ${client}` }), el("p", { class: "hint", text: `${count(same)} of ${count(flights)} flights have the same verdict and criterion.` }), filters, told, table];
+}
+
 const coveredOf = (row) => row.cells.flat().filter((n) => n > 0).length;
 const coverageRow = (row) =>
   el("tr", {}, el("th", { scope: "row", text: row.type }), el("td", { text: row.place }), el("td", { class: "n", text: count(row.drawn) }), el("td", { class: "n", text: count(row.activated) }), el("td", { class: "n", text: `${coveredOf(row)} of ${row.cells.flat().length}` }),
     el("td", {}, el("span", { class: "cells" }, row.cells.map((bands, phase) => el("span", { class: "phase" }, bands.map((n, band) => el("span", { class: `cell ${n > 0 ? "hit" : ""}`, title: `${PHASES[phase]}, ${BANDS[band]}: ${count(n)} that acted` })))))));
 
 function show() {
-  const { failures = [], by_type: types = [], by_firmware: firmwares = [], by_scenario: scenarios = [], by_severity: bands = [], coverage = { rows: [] } } = campaign;
+  const { failures = [], by_type: types = [], by_firmware: firmwares = [], by_scenario: scenarios = [], by_severity: bands = [], coverage = { rows: [] }, confirmed: others = [] } = campaign;
   const notJudged = campaign.inconclusive + campaign.errors;
   const ends = [...new Set(failures.map((group) => group.end))], layers = [...new Set(types.map((rate) => rate.type.split(".")[0]))];
   const [failureFilters, failureTold, failureTable] = listing({ label: "Ways to fail", noun: "ways to fail", kind: "failures", placeholder: "criterion, fault", items: failures, row: failureRow, words: (group) => group.signature,
@@ -122,6 +134,7 @@ function show() {
     el("p", { class: "reason", text: campaign.flights > 0 ? `${percent(campaign.rate)} of the flights pass: ${interval(campaign)}.` : "No flight was judged." }),
     ...(campaign.curve.length > 0 ? [curve(campaign.curve)] : []),
     el("h2", { text: "Ways to fail" }), ...(failures.length > 0 ? [failureFilters, failureTold, failureTable] : [el("p", { text: "No flight failed." })]),
+    ...others.flatMap(confirmed),
     el("h2", { text: "Fault types" }), typeFilters, typeTold, typeTable,
     el("h2", { text: "Other shares" }), el("div", { class: "tables" }, rateTable("Flights with a fault of this severity", "Severity", bands, (rate) => BANDS[rate.band] ?? String(rate.band)), rateTable("By firmware", "Firmware", firmwares, (rate) => rate.name || "–"), rateTable("By scenario", "Scenario", scenarios, (rate) => rate.name || "–")),
     el("h2", { text: "Coverage" }), el("p", { class: "hint", text: `${count(coverage.covered ?? 0)} of ${count(coverage.cells ?? 0)} cells (type, place, quarter of the flight, quarter of the severity) have a fault that acted; ${count(coverage.drawn ?? 0)} have one that was drawn.` }), coverageFilters, coverageTold, coverageTable);

@@ -1,0 +1,226 @@
+"""A flight under way, steered over the lines of `tiltproof session`."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import tempfile
+from types import TracebackType
+from typing import Any, Iterable, Mapping
+
+from tiltproof._program import Error, find_program
+from tiltproof._result import FlightOver, NotReached, RequestError, Result
+
+
+def fly(
+    scenario: str | os.PathLike[str],
+    *,
+    client: str = "host",
+    seed: int | None = None,
+    firmware: str | None = None,
+    set: Mapping[str, object] | None = None,
+    watch: Iterable[str] = (),
+    out: str | os.PathLike[str] = "results",
+) -> Flight:
+    """Begins a flight, which stands at power-on until a call lets time pass.
+
+    client, seed, firmware: as the flags of `tiltproof run`. set: other values for keys of the scenario, by their paths
+    ({"faults.late.parameters.mean_ms": 12}). watch: variables of an emulated image, which become signals watch_NAME.
+    out: parent of the run's folder. Raises Error, with the program's message, for a scenario or flag that is not valid.
+    """
+    arguments = ["session", os.fspath(scenario), "--client", client, "--out", os.fspath(out)]
+    if seed is not None:
+        arguments += ["--seed", str(seed)]
+    if firmware is not None:
+        arguments += ["--firmware", firmware]
+    for path, value in (set or {}).items():
+        arguments += ["--set", f"{path}={value if isinstance(value, str) else json.dumps(value)}"]
+    for variable in watch:
+        arguments += ["--watch", variable]
+    return Flight(arguments)
+
+
+class Flight:
+    """A flight that stands still between two calls. Use it in a `with` block, whose end flies on to the scenario's end.
+
+    Times are simulation time, since the firmware's `start`; before the first call it is 0, at power-on. Time passes in
+    control periods (`period_s`): until() and advance() end at the first row of the trace that fits.
+    """
+
+    def __init__(self, arguments: list[str]) -> None:
+        self._log = tempfile.TemporaryFile()
+        self._session = subprocess.Popen(
+            [find_program(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log
+        )
+        self._result: Result | None = None
+        self.time_s = 0.0
+        hello = self._receive()
+        if self._result is not None:
+            raise FlightOver(self._result.reason, self._result)
+        self.scenario: str = hello["scenario"]
+        self.folder: str = hello["folder"]
+        self.replay: str = hello["replay"]
+        self.duration_s: float = hello["duration_s"]
+        self.period_s: float = hello["period_s"]
+        self.signals: tuple[str, ...] = tuple(hello["signals"])
+
+    # Time.
+
+    def advance(self, duration_s: float) -> float:
+        """Lets so many seconds pass. Returns the time. Raises FlightOver when the flight ends before."""
+        self._ask({"advance_s": duration_s})
+        return self.time_s
+
+    def until(self, condition: str, timeout_s: float | None = None) -> float:
+        """Flies until the condition holds, as `when` of a fault has it: until("z_m > 2 and speed_m_s < 0.1").
+
+        Returns the time. Raises NotReached after timeout_s seconds, and FlightOver when the flight ends before.
+        """
+        request: dict[str, object] = {"until": condition}
+        if timeout_s is not None:
+            request["timeout_s"] = timeout_s
+        began_s = self.time_s
+        if not self._ask(request)["met"]:
+            raise NotReached(f"'{condition}' did not hold from {began_s:g} s to {self.time_s:g} s of the flight")
+        return self.time_s
+
+    # Faults.
+
+    def inject(
+        self,
+        type: str,
+        *,
+        target: str | None = None,
+        id: str | None = None,
+        duration_s: float | None = None,
+        message: str | None = None,
+        every_nth_count: int | None = None,
+        keys: Mapping[str, object] | None = None,
+        **parameters: object,
+    ) -> str:
+        """Begins a fault now, for duration_s seconds or to the flight's end. Returns its id.
+
+        parameters: those of the type (`tiltproof faults TYPE`). keys: other keys of a fault (`probability` of its trigger,
+        `period_s`, `duty`). A fault on the line begins when the line is free of what was sent before.
+        """
+        fault: dict[str, object] = {"type": type, **(keys or {})}
+        given = {
+            "id": id, "target": target, "message": message, "every_nth_count": every_nth_count, "duration_s": duration_s,
+        }
+        fault.update((key, value) for key, value in given.items() if value is not None)
+        fault["parameters"] = parameters
+        return str(self._ask({"inject": fault})["id"])
+
+    def remove(self, id: str) -> None:
+        """Ends a fault now: one that was injected, or one of the scenario."""
+        self._ask({"remove": id})
+
+    # Signals.
+
+    def __getitem__(self, signal: str) -> float:
+        """The present value of a signal; NaN when there is none yet."""
+        return self.read(signal)[signal]
+
+    def read(self, *signals: str) -> dict[str, float]:
+        """The present values of several signals."""
+        values = self._ask({"read": signals})["values"]
+        return {name: math.nan if value is None else value for name, value in values.items()}
+
+    # The end.
+
+    def stop(self) -> Result:
+        """Ends the flight at once."""
+        return self._end({"stop": True})
+
+    def finish(self) -> Result:
+        """Flies on to the scenario's end."""
+        return self._end({"finish": True})
+
+    @property
+    def over(self) -> bool:
+        """True if the flight has ended."""
+        return self._result is not None
+
+    @property
+    def result(self) -> Result:
+        """The result, once the flight is over."""
+        if self._result is None:
+            raise Error("the flight is not over: it has a result after the `with` block, stop() or finish()")
+        return self._result
+
+    def __enter__(self) -> Flight:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is None:
+            self.finish()
+            return
+        at_s = self.time_s
+        try:
+            self.stop()
+        except (Error, OSError):
+            self._session.kill()
+            self._close()
+        error.add_note(f"flight: at {at_s:g} s of {self.scenario}; folder: {self.folder}; again: {self.replay}")
+
+    # Lines.
+
+    def _end(self, request: Mapping[str, object]) -> Result:
+        if self._result is None:
+            self._send(request)
+            self._receive()
+        return self.result
+
+    def _ask(self, request: Mapping[str, object]) -> dict[str, Any]:
+        if self._result is None:
+            self._send(request)
+            answer = self._receive()
+        if self._result is not None:
+            raise FlightOver(
+                f"the flight is over ({self._result.end_reason}): {self._result.verdict}: {self._result.reason}",
+                self._result,
+            )
+        return answer
+
+    def _send(self, request: Mapping[str, object]) -> None:
+        assert self._session.stdin is not None
+        try:
+            self._session.stdin.write(json.dumps(request).encode() + b"\n")
+            self._session.stdin.flush()
+        except BrokenPipeError:
+            pass  # the answer says why
+
+    def _receive(self) -> dict[str, Any]:
+        assert self._session.stdout is not None
+        line = self._session.stdout.readline()
+        if not line:
+            raise Error(self._close() or "the session has ended")
+        answer: dict[str, Any] = json.loads(line)
+        if "error" in answer:
+            raise RequestError(f"{answer['error']['message']} ({answer['error']['place']})")
+        if "ended" in answer:
+            self._result = Result(answer)
+            self._close()
+        else:
+            self.time_s = answer["time_s"]
+        return answer
+
+    def _close(self) -> str:
+        """Ends the session. Returns what it has said for people."""
+        if self._log.closed:
+            return ""
+        assert self._session.stdin is not None and self._session.stdout is not None
+        try:
+            self._session.stdin.close()
+        except BrokenPipeError:
+            pass
+        self._session.stdout.close()
+        self._session.wait()
+        self._log.seek(0)
+        said = self._log.read().decode(errors="replace").strip()
+        self._log.close()
+        return said
