@@ -264,6 +264,7 @@ void FaultSchedule::MarkReceived(Direction direction, BootTime last_arrival,
   marks.assign(bytes.size(), ReceiveMark::kNone);
   const LineRate& rate = state_->rates[static_cast<std::size_t>(direction)];
   std::uint64_t& number = state_->received_count[static_cast<std::size_t>(direction)];
+  if (state_->receivers.empty()) number += bytes.size();  // one may be added
   for (std::size_t i = 0; i < bytes.size() && !state_->receivers.empty(); ++i, ++number) {
     const BootTime arrival = last_arrival - rate.BytesTime(static_cast<std::int64_t>(bytes.size() - 1 - i));
     for (ReceiverInjector& injector : state_->receivers) {

@@ -88,7 +88,7 @@ SuiteScenario Load(const SessionOptions& options, const FlightMeans& means) {
   return std::move(suite.scenarios.front());
 }
 
-nlohmann::ordered_json Ended(const FlightResult& result, const std::filesystem::path& folder) {
+nlohmann::ordered_json EndedLine(const FlightResult& result, const std::filesystem::path& folder) {
   nlohmann::ordered_json line;
   line["ended"] = result.end_reason ? Name(*result.end_reason) : "error";
   line["folder"] = folder.string();
@@ -150,7 +150,7 @@ int SessionCommand(const SessionOptions& options) {
       std::move(jobs),
       {.on_finished = [&](const FlightJob& job, const FlightResult& result) { record.Take(job, result); }});
   record.Finish(flown.interrupted, "not flown: the session was interrupted");
-  if (!flown.results.empty()) talk.TellEnd(Ended(flown.results.front(), flight_folder));
+  if (!flown.results.empty()) talk.TellEnd(EndedLine(flown.results.front(), flight_folder));
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }
 

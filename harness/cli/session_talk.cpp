@@ -78,7 +78,7 @@ void ExpectTrue(const Json& request, const std::string& verb) {
   if (request.at(verb) != true) throw RequestError(verb, fmt::format("expected {{\"{}\": true}}", verb));
 }
 
-Json NumberOrNull(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
+Json NullUnlessFinite(double value) { return std::isfinite(value) ? Json(value) : Json(nullptr); }
 
 }  // namespace
 
@@ -243,7 +243,7 @@ void SessionTalk::Read(const Json& names, SteeredFlight& flight) {
     const auto text = name.get<std::string>();
     if (text == kCrossTrackError && !path_)
       throw RequestError("read", fmt::format("'{}' is known in `until` only, and in the trace", text));
-    values[text] = NumberOrNull(SignalNamed(text).reader.At(row));
+    values[text] = NullUnlessFinite(SignalNamed(text).reader.At(row));
   }
   Answer(flight.time_ns(), {{"values", std::move(values)}});
 }

@@ -52,6 +52,11 @@ class PackageTest(unittest.TestCase):
         run(self.program, "run", self.prefix / "share/tiltproof/scenarios/paper", "-k", "hover", "--client", f"library:{library}",
             "--out", out, cwd=self.folder)
 
+    def test_flies_from_python(self):
+        hover = self.prefix / "share/tiltproof/scenarios/paper/hover.yaml"
+        run("env", f"PYTHONPATH={self.prefix / 'lib/python3/dist-packages'}", f"PATH={self.program.parent}:/usr/bin:/bin", sys.executable, "-B", "-c",
+            f"import tiltproof\nwith tiltproof.fly({str(hover)!r}) as flight: flight.advance(1)\nassert flight.result.verdict == 'pass'", cwd=self.folder)
+
     def test_every_scenario_is_there_and_right(self):
         listed = run(self.program, "list", self.prefix / "share/tiltproof/scenarios", cwd=self.folder)
         self.assertEqual(listed.splitlines(), run(self.program, "list", SOURCE / "scenarios", cwd=self.folder)

@@ -120,11 +120,13 @@ def test_a_variable_of_the_image(scenario: pathlib.Path) -> None:
         signal_name = next(name for name in flight.signals if name.startswith("watch_"))
         flight.advance(1)
         before = flight[signal_name]
+        flight.inject("sensor.bias", signal="x_m", offset=0.01)
         flight.until(f"{signal_name} >= {before}")
         flight.advance(0.5)
         seen = flight[signal_name], flight.time_s
     trace = flight.result.trace
     assert trace[signal_name][round(seen[1] / flight.period_s)] == seen[0] == before
+    assert flight.result.replays()
 
 
 def test_a_stopped_flight_replays(scenario: pathlib.Path, client: str) -> None:
