@@ -21,6 +21,8 @@ MAY_INCLUDE = {
     # The build lqr flies on the host only.
     "firmware/lqr": ["firmware", "link"],
     "firmware/ports/host": ["firmware", "link"],
+    # An example that flies on the host only, and uses the cycle of the build lqr.
+    "firmware/examples/nmpc": ["firmware", "link"],
     "harness/reference": ["harness/reference", "link"],
     "harness/formula": ["harness/formula", "faults/nearest_name.h", "link/check.h", "link/time.h"],
     "harness/scenario": ["harness/scenario", "harness/reference", "faults", "link"],
@@ -55,7 +57,7 @@ ONLY_IN = {
     "ode/": ["plant/"],
     "sdf/": ["plant/"],
     "tinyxml2": ["plant/", "harness/report/results.cpp"],
-    "Eigen/": ["plant/", "harness/campaign/robustness_search.h", "harness/campaign/robustness_search.cpp"],
+    "Eigen/": ["plant/", "firmware/examples/nmpc/", "harness/campaign/robustness_search.h", "harness/campaign/robustness_search.cpp"],
     "boost/asio/serial_port": ["link/serial_port.cpp"],
     "boost/random": ["tests/"],
     "zstd.h": ["harness/report/zstd_bytes.cpp"],
