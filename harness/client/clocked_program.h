@@ -1,7 +1,7 @@
 // A program that flies in lockstep under the preloaded virtual clock, `--client 'clocked:CMD'`: what of a command can be told
 // before it starts, and the environment that the clock needs.
 //
-//   if (const auto mistake = ClockMistake("./firmware {port}")) throw UsageError(*mistake);
+//   if (const auto mistake = ClockMistake("./firmware {port}")) throw std::runtime_error(*mistake);
 #pragma once
 
 #include <filesystem>

@@ -1,7 +1,7 @@
 // The command of a program with serial ports, and the environment that it gets: the same under `process:` and `clocked:`.
 //
 //   const SerialProgram program = {.command = "./fw {port}", .port = "/dev/pts/3", .baud = 115200};
-//   ChildSpec child{.command = {"/bin/sh", "-c", CommandOf(program)}, .environment = EnvironmentOf(program)};
+//   Start(CommandOf(program), EnvironmentOf(program));   // "./fw /dev/pts/3", TILTPROOF_PORT=/dev/pts/3, ...
 #pragma once
 
 #include <string>

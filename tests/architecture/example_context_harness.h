@@ -637,3 +637,25 @@ std::size_t last(std::size_t i);
 // harness/terminal/terminal.h
 extern const std::runtime_error error;
 extern const std::string coloured;
+
+// harness/client/serial_program.h
+extern const examples::Function Start;
+
+// harness/client/preload/kernel.h
+extern const Trap trap;
+extern int descriptor;
+extern char* bytes;
+extern unsigned long count;
+
+// harness/client/preload/harness_line.h
+extern const char* path;
+extern ByteSink sink;
+
+// harness/client/preload/threads.h
+extern ucontext_t* context;
+extern int port;
+bool HasBytes(void* port);
+
+// harness/client/preload/ports.h
+extern int descriptor;
+extern const iovec* parts;

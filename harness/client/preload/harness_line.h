@@ -1,6 +1,6 @@
 // The preloaded clock's end of the protocol of programs (docs/program.md).
 //
-//   Connect(getenv("TILTPROOF_SOCKET"));                                // hello, ready; then the first grant
+//   Connect(path);                                           // hello, ready; then the first grant
 //   const std::int64_t now_ns = Exchange(12'000'000, sink);  // waits until 12 ms, or until bytes have come
 //
 // Times are nanoseconds of the client's clock since power-on. Safe in a signal handler.

@@ -1,7 +1,7 @@
 // The kernel as the preloaded clock calls it: system calls that its own filter lets pass, and the trap for all others.
 //
-//   SetTrap({.call = Dispatch, .idle = SpinTick});   // from now on, Dispatch() answers the program's calls
-//   Kernel(SYS_read, fd, buffer, size);              // -errno on error; errno itself is left alone
+//   SetTrap(trap);                                // from now on, trap.call() answers the program's calls
+//   Kernel(SYS_read, descriptor, bytes, count);   // -errno on error; errno itself is left alone
 //
 // Everything here may run in a signal handler. It uses no heap and no lock.
 #pragma once

@@ -3,7 +3,7 @@
 // A port is one end of a socket pair, so that poll(), select() and epoll work in the kernel. The other end is this module's: it
 // puts the bytes in when they arrive. What the program writes goes to the harness at once.
 //
-//   if (const int uart = PortOf(descriptor); uart >= 0) return WritePort(uart, bytes, count);
+//   if (const int uart = PortOf(descriptor); uart >= 0) WritePort(uart, parts, 1);
 #pragma once
 
 #include <sys/uio.h>

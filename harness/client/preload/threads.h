@@ -3,8 +3,8 @@
 // A thread runs until it waits. Then the first one that is ready goes on, in the order in which they became ready. When none is
 // ready, the clock moves to the earliest deadline, or as far as the harness grants it.
 //
-//   Wait(Now() + 1'000'000, nullptr, nullptr);      // sleeps for 1 ms
-//   Wait(kNever, HasBytes, &port);                  // until HasBytes(&port) is true
+//   Wait(Now() + 1'000'000, nullptr, nullptr, context);   // sleeps for 1 ms
+//   Wait(kNever, HasBytes, &port, context);               // until HasBytes(&port) is true
 //
 // All functions but Now() are for the thread that runs, in a system call of its own.
 #pragma once
