@@ -67,6 +67,10 @@ typedef struct {
    *   gain              K of u = u_hover - K (x - x_ref): a row for each input, a column for each state, then one for
    *                     the integral of the error of each of x, y, z and yaw; that of the scenario's `gain`, else of
    *                     `tiltproof design-lqr`. null when the vehicle has none.
+   *   geometry          {"base": BODY, "hinges": [{"point_m", "axis", "angle_min_rad", "angle_max_rad", "servo": "torque" or
+   *                     "position", "body": BODY}, ...], "rotors": [{"hinge": its place among the hinges or null, "point_m",
+   *                     "axis", "drag_ratio_m"}, ...]} with BODY {"mass_kg", "com_m", "inertia_kg_m2": [xx, yy, zz, xy, xz,
+   *                     yz], about com_m}; all in the main body's frame, with the hinges at angle 0
    *   protocol          {"name", "framing": {"type", "check", "sync", "length"}, "world", "body", "messages": [{"name",
    *                     "role", "from", "line", "id": {"type", "byte_order", "bits"}, "reply", "starts", "period_ns",
    *                     "fields": [{"signal", "type", "byte_order", "scale", "min", "max", "as"}, ...]}, ...]}; the id is

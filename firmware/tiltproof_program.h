@@ -97,7 +97,7 @@ typedef struct {
   TiltproofBuffer in, out, event;
   size_t taken; /* of in.bytes */
   int64_t now_ns;
-  int must_ask, lost, has_status;
+  int must_ask, lost, has_status, has_role, role;
   uint32_t supervisor_state, failsafe_count;
 } TiltproofProgram;
 
@@ -359,8 +359,11 @@ static inline void tiltproof_program_status(TiltproofProgram* program, uint32_t 
   tiltproof_put_u32(out + 4, failsafe_count);
 }
 
-/* 0 standby, 1 active, 2 failed. */
+/* The program's role among several clients: 0 standby, 1 active, 2 failed. Sent when it has changed. */
 static inline void tiltproof_program_role(TiltproofProgram* program, int role) {
+  if (program->has_role && program->role == role) return;
+  program->has_role = 1;
+  program->role = role;
   tiltproof_message(program, TILTPROOF_PROGRAM_ROLE, role, 0, 0);
 }
 
@@ -383,6 +386,7 @@ static inline void tiltproof_program_wait(TiltproofProgram* program, int64_t unt
 #ifdef TILTPROOF_CLIENT_H
 
 #pragma weak tiltproof_client_status
+#pragma weak tiltproof_client_role
 
 static inline int64_t tiltproof_run_transmit(void* context, int uart, int64_t now_ns, const uint8_t* bytes,
                                              size_t count) {
@@ -412,7 +416,8 @@ static inline int tiltproof_program_run(void) {
     tiltproof_program_close(&program);
     return 1;
   }
-  tiltproof_program_ready(&program, tiltproof_client_status != NULL ? TILTPROOF_PROGRAM_TELLS_STATUS : 0);
+  tiltproof_program_ready(&program, (tiltproof_client_status != NULL ? TILTPROOF_PROGRAM_TELLS_STATUS : 0) |
+                                        (tiltproof_client_role != NULL ? TILTPROOF_PROGRAM_TELLS_ROLE : 0));
   int started = 0;
   while (tiltproof_program_next(&program, &event) != TILTPROOF_PROGRAM_END) {
     int64_t until_ns = 0;
@@ -433,6 +438,7 @@ static inline int tiltproof_program_run(void) {
       tiltproof_client_status(client, &status);
       tiltproof_program_status(&program, status.supervisor_state, status.failsafe_count);
     }
+    if (tiltproof_client_role != NULL) tiltproof_program_role(&program, (int)tiltproof_client_role(client));
     tiltproof_program_wait(&program, until_ns);
   }
   tiltproof_client_destroy(client);

@@ -27,14 +27,15 @@ double Wrapped(const link::MessageField& field, double number) {
 
 }  // namespace
 
-LqrApplication::LqrApplication(const LqrSetup& setup, Port& port)
+LqrApplication::LqrApplication(const LqrSetup& setup, CycleLaw* law, Port& port)
     : setup_(setup),
       table_(setup.table),
       protocol_(*setup.protocol),
       // NOLINTNEXTLINE(bugprone-incorrect-roundings): a period is positive.
       period_ns_(static_cast<TimeNs>(table_.period_s * 1e6F + 0.5F) * kNsPerUs),
       port_(port),
-      law_(table_),
+      own_law_(table_),
+      law_(law),
       sensors_(protocol_, setup.states, setup.rates),
       reader_(protocol_.framing->MakeReader()),
       reference_reader_(protocol_.framing->MakeReader()),
@@ -142,6 +143,7 @@ void LqrApplication::BeginPeriod(TimeNs now) {
   }
   if (pace_ == nullptr) reader_->Finish();  // A reply that is not whole by now answers the request before.
   waiting_ = true;
+  requested_ns_ = now;
   for (const MessageType& type : protocol_.messages) {
     if (type.direction != link::Direction::kToPlant || type.reply.empty()) continue;
     const MessageType* reply = protocol_.Find(type.reply);
@@ -177,7 +179,15 @@ void LqrApplication::Answer(TimeNs now) {
     reference_ = Reference{.x_m = sensed[0], .y_m = sensed[1], .z_m = sensed[2], .yaw_rad = sensed[5]};
   std::array<float, kLqrInputsMax> command;
   const std::span<float> inputs(command.data(), table_.input_count);
-  law_.Step(sensed, *reference_, inputs);
+  if (law_ == nullptr) {
+    own_law_.Step(sensed, *reference_, inputs);
+  } else {
+    const bool asks = pace_ == nullptr;
+    const Turn turn = {.requested = asks ? requested_ns_ : now,
+                       .now = now,
+                       .deadline = asks ? next_period_ns_ : now + period_ns_};
+    now = law_->Step(turn, sensed, *reference_, inputs);
+  }
   for (const MessageType& type : protocol_.messages)
     if (type.kind == MessageKind::kActuators) Send(now, type, inputs);
 }

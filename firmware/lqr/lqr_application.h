@@ -42,10 +42,28 @@ struct LqrSetup {
   RatesAxes rates = RatesAxes::kWorld;
 };
 
+// One control period, as its law sees it.
+struct Turn {
+  TimeNs requested;  // when the states were asked for; without requests, when they came
+  TimeNs now;
+  TimeNs deadline;  // the next period begins
+};
+
+// A law in place of the build's own.
+class CycleLaw {
+ public:
+  virtual ~CycleLaw() = default;
+  // Sets `command`, and returns when it leaves: turn.now or later. `sensed` is as for LqrLaw::Step.
+  virtual TimeNs Step(const Turn& turn, std::span<const float> sensed, const Reference& reference,
+                      std::span<float> command) = 0;
+};
+
 class LqrApplication {
  public:
   // `setup` and `port` must outlive the application. The protocol must carry all states and inputs.
-  LqrApplication(const LqrSetup& setup, Port& port);
+  LqrApplication(const LqrSetup& setup, Port& port) : LqrApplication(setup, nullptr, port) {}
+  // `law` must outlive it, too.
+  LqrApplication(const LqrSetup& setup, CycleLaw& law, Port& port) : LqrApplication(setup, &law, port) {}
 
   // Power-on, once. Returns when to call Tick at the latest.
   TimeNs Start(TimeNs now);
@@ -55,6 +73,7 @@ class LqrApplication {
   TimeNs Tick(TimeNs now);
 
  private:
+  LqrApplication(const LqrSetup& setup, CycleLaw* law, Port& port);
   // Returns when the message's last bit has left. `inputs`: of the vehicle, for the fields that carry them.
   TimeNs Send(TimeNs now, const link::MessageType& type, std::span<const float> inputs);
   double InputField(const link::MessageField& field, std::span<const float> inputs) const;
@@ -72,7 +91,8 @@ class LqrApplication {
   const link::Protocol& protocol_;
   const TimeNs period_ns_;
   Port& port_;
-  LqrLaw law_;
+  LqrLaw own_law_;
+  CycleLaw* const law_ = nullptr;  // null: its own
   LqrSensors sensors_;
   std::unique_ptr<link::FrameReader> reader_, reference_reader_;
   std::vector<std::uint32_t> sent_counts_;         // by message type
@@ -87,6 +107,7 @@ class LqrApplication {
   bool start_is_fresh_ = true;          // `start` has been sent and no request since
   bool heard_server_ = false;           // a valid message has arrived
   TimeNs next_period_ns_ = 0;
+  TimeNs requested_ns_ = 0;
 };
 
 }  // namespace tiltproof::firmware

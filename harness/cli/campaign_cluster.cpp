@@ -27,7 +27,7 @@ constexpr std::uint64_t kTasksMax = 1000;
 // Between two questions to Slurm, which serves many users.
 constexpr std::chrono::seconds kAskLeast{2}, kAskMost{15};
 // A signal ends the wait.
-constexpr int kWait_ms = 100;
+constexpr int kPause_ms = 100;
 
 constexpr const char* kRunsKey = "runs_count";
 
@@ -127,7 +127,7 @@ class ClusterFlights {
         asked = Clock::now();
         ask_every = std::min(ask_every * 3 / 2, std::chrono::milliseconds(kAskMost));
       }
-      poll(nullptr, 0, kWait_ms);
+      poll(nullptr, 0, kPause_ms);
     }
   }
 

@@ -92,7 +92,8 @@ void RegisterCampaign(CLI::App& program, CommandLine& line) {
   SetAction(*show, line, [options, number] { return ShowCampaignRun(*options, *number); });
 
   CLI::App* task = command->add_subcommand(
-      "task", "Fly one task of a campaign on a cluster, as Slurm does; again and at once is no harm");
+      "task",
+      "Fly one task of a campaign on a cluster, as Slurm does; it may be flown again, or twice at once");
   task->add_option("DIR", options->resume, "Folder of the campaign")->required();
   task->add_option("K", *number, "Number of the task, from 1")->required();
   AddJobs(*task, options->jobs_count);

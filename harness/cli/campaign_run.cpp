@@ -89,7 +89,6 @@ class CampaignProgress {
   std::uint64_t done_count() const { return done_count_; }
   std::uint64_t failures_count() const { return failures_count_; }
   std::uint64_t errors_count() const { return errors_count_; }
-  std::size_t signatures_count() const { return signatures_.size(); }
   CampaignClock::time_point begin() const { return begin_; }
 
  private:
@@ -100,23 +99,28 @@ class CampaignProgress {
   CampaignClock::time_point begin_ = CampaignClock::now();
 };
 
+// The client that confirms, if there is one. Throws UsageError.
+std::optional<FlightMeans> ConfirmingMeans(const CampaignOptions& options) {
+  if (options.confirm.empty()) return {};
+  FlightMeans means = LockstepMeans(ReadClientFlags({options.confirm}), "campaign --confirm");
+  CheckReady(means);
+  return means;
+}
+
 // The number in a RunName().
-std::uint64_t NumberOf(const std::string& name) { return std::stoull(name.substr(RunName(0).size() - 1)); }
+std::uint64_t RunNumber(const std::string& name) { return std::stoull(name.substr(RunName(0).size() - 1)); }
 
 class CampaignWork {
  public:
   CampaignWork(const CampaignOptions& options, std::filesystem::path folder, LoadedCampaign campaign,
-               CampaignStore& store)
+               CampaignStore& store, std::optional<FlightMeans> confirm = {})
       : options_(options),
         folder_(std::move(folder)),
         campaign_(std::move(campaign)),
         store_(store),
         progress_(campaign_, store),
-        line_(!options.no_progress) {
-    if (options.confirm.empty()) return;
-    confirm_ = LockstepMeans(ReadClientFlags({options.confirm}), "campaign --confirm");
-    CheckReady(*confirm_);
-  }
+        confirm_(std::move(confirm)),
+        line_(!options.no_progress) {}
 
   // The exit code.
   int Run() {
@@ -279,7 +283,7 @@ class CampaignWork {
     const KeptRuns flown = KeepRuns(std::move(flights), options_);
     if (flown.interrupted) return Interrupted();
     for (const FlightResult& result : flown.results) {
-      const std::uint64_t number = NumberOf(result.name);
+      const std::uint64_t number = RunNumber(result.name);
       const std::string stored = store_.Find(number)->trace_hash;
       if (result.trace_hash == stored) continue;
       Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
@@ -329,7 +333,7 @@ class CampaignWork {
 
   // False: the flight is an error, which is flown again another time.
   bool KeepConfirmation(const std::string& client, const FlightJob& job, const FlightResult& result) {
-    const std::uint64_t number = NumberOf(job.name);
+    const std::uint64_t number = RunNumber(job.name);
     const CampaignRun row = RowOf(number, job.scenario, {}, result);
     if (result.score.verdict == Verdict::kError) {
       Tell(fmt::format("campaign: --confirm: {} is an error: {}", job.name, result.score.reason));
@@ -363,11 +367,12 @@ class CampaignWork {
 
   void Report() {
     const std::uint64_t done = progress_.done_count(), failed = progress_.failures_count();
+    std::set<std::string> ways;
+    for (const CampaignFailure& failure : store_.Failures()) ways.insert(failure.signature);
     Print(stdout, "campaign {}: {} runs, {} survived ({:.1f} %), {} failed in {} way{}; {}\n",
           campaign_.plan.spec.name, done, done - failed,
           done > 0 ? 100.0 * static_cast<double>(done - failed) / static_cast<double>(done) : 0, failed,
-          progress_.signatures_count(), progress_.signatures_count() == 1 ? "" : "s",
-          DatabaseOf(folder_).string());
+          ways.size(), ways.size() == 1 ? "" : "s", DatabaseOf(folder_).string());
     ReportConfirmed();
   }
 
@@ -376,8 +381,8 @@ class CampaignWork {
   LoadedCampaign campaign_;
   CampaignStore& store_;
   CampaignProgress progress_;
-  std::optional<FlightMeans> confirm_;  // the client that confirms
-  bool differs_ = false;                // from the campaign
+  std::optional<FlightMeans> confirm_;
+  bool differs_ = false;  // a flight of the client that confirms
   ProgressLine line_;
   std::vector<CampaignRun> batch_;
   CampaignClock::time_point stored_at_ = CampaignClock::now(), told_at_ = CampaignClock::now();
@@ -454,6 +459,7 @@ CampaignStore OpenToRead(const std::filesystem::path& folder) {
 
 int FlyCampaign(const CampaignOptions& options) {
   const InterruptScope scope;
+  std::optional<FlightMeans> confirm = ConfirmingMeans(options);
   if (!options.resume.empty()) {
     if (!std::filesystem::exists(DatabaseOf(options.resume)))
       throw UsageError(fmt::format("--resume {}: there is no campaign in this folder (no campaign.sqlite)",
@@ -464,7 +470,7 @@ int FlyCampaign(const CampaignOptions& options) {
     CheckExecutor(options, campaign);
     // Runs that tasks on a cluster have delivered since.
     GatherTasks(store, options.resume);
-    return CampaignWork(options, options.resume, std::move(campaign), store).Run();
+    return CampaignWork(options, options.resume, std::move(campaign), store, std::move(confirm)).Run();
   }
   if (std::filesystem::exists(DatabaseOf(options.out)))
     throw UsageError(
@@ -476,7 +482,7 @@ int FlyCampaign(const CampaignOptions& options) {
   std::filesystem::create_directories(options.out);
   CampaignStore store(DatabaseOf(options.out), CampaignStore::Mode::kCreate);
   for (const auto& [key, value] : campaign.meta) store.SetMeta(key, value);
-  return CampaignWork(options, options.out, std::move(campaign), store).Run();
+  return CampaignWork(options, options.out, std::move(campaign), store, std::move(confirm)).Run();
 }
 
 int FlyCampaignTask(const CampaignOptions& options, std::uint64_t number) {

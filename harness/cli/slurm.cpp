@@ -18,7 +18,7 @@ namespace tiltproof::harness {
 namespace {
 
 // A command that has ended.
-struct Ended {
+struct SlurmAnswer {
   std::string output, error;
   bool good = false;
   std::string how;  // "exited with code 1"
@@ -36,7 +36,7 @@ bool ReadSome(int file, std::string& text) {
 }
 
 // Slurm's commands give up by themselves when their server does not answer.
-Ended RunSlurm(const std::vector<std::string>& command) {
+SlurmAnswer RunSlurm(const std::vector<std::string>& command) {
   std::optional<ChildProcess> child;
   try {
     child.emplace(ChildSpec{.command = command, .output = ChildSpec::kPipe, .error = ChildSpec::kPipe});
@@ -46,7 +46,7 @@ Ended RunSlurm(const std::vector<std::string>& command) {
                     "slurm-client), or fly here (--executor local)",
                     command.front()));
   }
-  Ended ended;
+  SlurmAnswer ended;
   bool output_open = true, error_open = true;
   while (output_open || error_open) {
     std::array<pollfd, 2> files = {pollfd{output_open ? child->output() : -1, POLLIN, 0},
@@ -63,14 +63,14 @@ Ended RunSlurm(const std::vector<std::string>& command) {
   return ended;
 }
 
-[[noreturn]] void Refuse(const std::string& program, const Ended& ended) {
+[[noreturn]] void ThrowRefusal(const std::string& program, const SlurmAnswer& ended) {
   std::string reason = ended.error.empty() ? ended.output : ended.error;
   while (!reason.empty() && reason.back() == '\n') reason.pop_back();
   throw std::runtime_error(fmt::format("{} {}: {}", program, ended.how, reason));
 }
 
 // In a pattern for the names of logs.
-std::string Literal(const std::string& path) {
+std::string InPattern(const std::string& path) {
   std::string text;
   for (const char c : path) text += c == '%' ? "%%" : std::string(1, c);
   return text;
@@ -91,30 +91,31 @@ std::string RangesText(const std::vector<std::uint64_t>& numbers) {
 }
 
 std::uint64_t SubmitArray(const SlurmArray& array) {
-  std::vector<std::string> command = {"sbatch",
-                                      "--parsable",
-                                      "--requeue",
-                                      "--open-mode=truncate",
-                                      "--array=" + RangesText(array.numbers),
-                                      "--job-name=" + array.name,
-                                      fmt::format("--output={}/{}", Literal(array.log.parent_path().string()),
-                                                  array.log.filename().string())};
+  std::vector<std::string> command = {
+      "sbatch",
+      "--parsable",
+      "--requeue",
+      "--open-mode=truncate",
+      "--array=" + RangesText(array.numbers),
+      "--job-name=" + array.name,
+      fmt::format("--output={}/{}", InPattern(array.log.parent_path().string()),
+                  array.log.filename().string())};
   if (array.processors > 1) command.push_back(fmt::format("--cpus-per-task={}", array.processors));
   command.push_back(array.script.string());
-  const Ended ended = RunSlurm(command);
+  const SlurmAnswer ended = RunSlurm(command);
   std::uint64_t job = 0;
   // "17", or "17;cluster".
   const char* begin = ended.output.data();
   const auto [end, error] = std::from_chars(begin, begin + ended.output.size(), job);
-  if (!ended.good || error != std::errc()) Refuse("sbatch", ended);
+  if (!ended.good || error != std::errc()) ThrowRefusal("sbatch", ended);
   return job;
 }
 
 SlurmStates StatesOf(std::uint64_t job) {
   // All of this user: Slurm forgets jobs that ended, and takes it for a mistake to ask for one.
-  const Ended ended =
+  const SlurmAnswer ended =
       RunSlurm({"squeue", "--noheader", "--array", fmt::format("--user={}", getuid()), "--format=%F %T"});
-  if (!ended.good) Refuse("squeue", ended);
+  if (!ended.good) ThrowRefusal("squeue", ended);
   SlurmStates states;
   std::istringstream lines(ended.output);
   std::uint64_t array = 0;

@@ -149,6 +149,7 @@ ProgramMessage ProgramReader::Read(std::span<const std::uint8_t> head,
   switch (message.kind) {
     case ProgramMessage::Kind::kReady:
       message.tells_status = (head[6] & TILTPROOF_PROGRAM_TELLS_STATUS) != 0;
+      message.tells_role = (head[6] & TILTPROOF_PROGRAM_TELLS_ROLE) != 0;
       message.version = tiltproof_get_u32(body.data());
       break;
     case ProgramMessage::Kind::kWaiting:

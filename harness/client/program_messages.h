@@ -46,11 +46,11 @@ struct ProgramMessage {
     kRefused = 0x87
   };
   Kind kind{};
-  int number = 0;             // UART, role
-  bool tells_status = false;  // of ready
-  bool ask = false;           // of transmit
-  TimeNs time_ns = 0;         // of waiting, transmit, log
-  std::uint32_t version = 0;  // of ready
+  int number = 0;                                 // UART, role
+  bool tells_status = false, tells_role = false;  // of ready
+  bool ask = false;                               // of transmit
+  TimeNs time_ns = 0;                             // of waiting, transmit, log
+  std::uint32_t version = 0;                      // of ready
   std::uint32_t supervisor_state = 0, failsafe_count = 0;
   std::span<const std::uint8_t> bytes;  // of transmit
   std::string_view text;                // of log, refused
@@ -72,6 +72,8 @@ class ProgramReader {
   // The next whole message; nullopt: it has not come yet. Throws BrokenProtocol as soon as the beginning of a message is
   // none, and from then on.
   std::optional<ProgramMessage> Next();
+  // True if all that came was taken.
+  bool empty() const { return taken_ == bytes_.size(); }
   // Bytes that came, in all.
   std::uint64_t offset() const { return offset_ + bytes_.size(); }
 

@@ -1,6 +1,7 @@
 // Options that everything has that flies many flights through an engine.
 //
-//   Trials trials({.jobs_count = 2}, 5);
+//   const FlightsOptions options = {.jobs_count = 2, .on_turn = [] { Show(); }};
+//   while (!options.is_interrupted()) FlyMore();
 #pragma once
 
 #include <atomic>

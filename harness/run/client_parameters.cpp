@@ -124,6 +124,40 @@ std::string InputsText(const plant::VehicleModel& model) {
   return JoinedBy(items);
 }
 
+std::string VectorText(const Eigen::Vector3d& v) { return fmt::format("[{}, {}, {}]", v[0], v[1], v[2]); }
+
+// `R` and `p`: the body's link frame in the main body's.
+std::string BodyText(const plant::RigidBody& body, const Eigen::Matrix3d& R, const Eigen::Vector3d& p) {
+  const Eigen::Matrix3d inertia = R * body.inertia_kg_m2 * R.transpose();
+  return fmt::format(R"({{"mass_kg": {}, "com_m": {}, "inertia_kg_m2": [{}, {}, {}, {}, {}, {}]}})",
+                     body.mass_kg, VectorText(p + R * body.p_com_m), inertia(0, 0), inertia(1, 1),
+                     inertia(2, 2), inertia(0, 1), inertia(0, 2), inertia(1, 2));
+}
+
+// All in the main body's frame, with the hinges at angle 0.
+std::string GeometryText(const plant::VehicleModel& model) {
+  std::vector<std::string> hinges, rotors;
+  for (const plant::Hinge& hinge : model.hinges)
+    hinges.push_back(fmt::format(
+        R"({{"point_m": {}, "axis": {}, "angle_min_rad": {}, "angle_max_rad": {}, "servo": "{}", "body": {}}})",
+        VectorText(hinge.p_BH_m), VectorText(hinge.axis_B), hinge.angle_min_rad, hinge.angle_max_rad,
+        hinge.servo == plant::ServoMode::kTorque ? "torque" : "position",
+        BodyText(hinge.body, hinge.R_BT, hinge.p_BT_m)));
+  for (const plant::Rotor& rotor : model.rotors) {
+    const plant::Hinge* hinge = rotor.hinge ? &model.hinges[*rotor.hinge] : nullptr;
+    const Eigen::Vector3d p =
+        hinge == nullptr ? rotor.p_LR_m : Eigen::Vector3d(hinge->p_BT_m + hinge->R_BT * rotor.p_LR_m);
+    const Eigen::Vector3d axis =
+        hinge == nullptr ? rotor.thrust_axis_L : Eigen::Vector3d(hinge->R_BT * rotor.thrust_axis_L);
+    rotors.push_back(fmt::format(R"({{"hinge": {}, "point_m": {}, "axis": {}, "drag_ratio_m": {}}})",
+                                 rotor.hinge ? std::to_string(*rotor.hinge) : "null", VectorText(p),
+                                 VectorText(axis), rotor.direction * rotor.drag_ratio_m));
+  }
+  return fmt::format("{{\"base\": {},\n  \"hinges\": {},\n  \"rotors\": {}}}",
+                     BodyText(model.base, Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()),
+                     JoinedBy(hinges), JoinedBy(rotors));
+}
+
 std::string GainText(const plant::GainMatrix& gain) {
   std::vector<std::string> rows;
   for (Eigen::Index i = 0; i < gain.rows(); ++i) {
@@ -182,10 +216,10 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
   return fmt::format(
       "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
       " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"inputs\": {},\n \"gain\": {},\n"
-      " \"states\": {},\n \"protocol\": {}}}\n",
+      " \"states\": {},\n \"geometry\": {},\n \"protocol\": {}}}\n",
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
-      SignalsText(scenario, model), InputsText(model), gain, StatesText(model),
+      SignalsText(scenario, model), InputsText(model), gain, StatesText(model), GeometryText(model),
       ProtocolText(*scenario.link.protocol));
 }
 

@@ -447,6 +447,9 @@ void Conductor::Sample(BootTime now) {
     if (scenario_.has_several_clients() && sample.role) {
       log_.Write({time_ns, channel.index(), record::Role{*sample.role}});
       roles_.at(channel.index()).sampled = sample.role;
+    } else if (scenario_.arbiter.type == ArbiterType::kActiveClaims && !channel.is_lost()) {
+      throw std::runtime_error("client " + scenario_.client_id(channel.index()) +
+                               " tells no role, and the arbiter active_claims needs it");
     }
     if (sample.supervisor_state)
       log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});

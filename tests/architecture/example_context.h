@@ -195,6 +195,38 @@ extern std::vector<std::uint8_t> bytes;
 extern TimeNs now;
 extern const examples::Function Control, Use;
 
+// firmware/examples/nmpc/dynamics.h
+extern const Rotorcraft vehicle;
+extern const Sizes<2, 2>::State x;
+extern const Sizes<2, 2>::Input u;
+extern const Disturbance disturbance;
+
+// firmware/examples/nmpc/riccati_qp.h
+extern const RiccatiQp<2, 1, 1>::State x_0;
+
+// firmware/examples/nmpc/reference_preview.h
+extern const double now_s;
+extern const Reference reference;
+extern const std::vector<double> lengths_s;
+
+// firmware/examples/nmpc/planner.h
+extern const Rotorcraft vehicle;
+extern const Options options;
+extern const std::vector<double> start;
+extern const Disturbance disturbance;
+extern const double time_s;
+extern const std::vector<PathPoint> path;
+
+// firmware/examples/nmpc/nmpc_law.h
+extern const Rotorcraft vehicle;
+extern const Options options;
+extern const bool rates_in_world;
+extern const Compute compute;
+extern const firmware::Turn turn;
+extern const std::array<float, 16> sensed;
+extern const Reference reference;
+extern std::array<float, 4> command;
+
 // firmware/lqr/lqr_application.h
 extern const LqrSetup setup;
 

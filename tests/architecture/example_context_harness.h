@@ -65,6 +65,23 @@ extern CampaignStore& store;
 extern const std::filesystem::path folder;
 std::optional<MinimalForm> SmallestOf(std::uint64_t run);
 
+// harness/campaign/campaign_tasks.h
+extern CampaignStore& store;
+extern const std::filesystem::path folder, scratch;
+
+// harness/campaign/campaign_confirm.h
+extern const CampaignStore& store;
+extern const examples::Function Fly;
+
+// harness/engine/flights_options.h
+extern const examples::Function Show, FlyMore;
+
+// harness/cli/slurm.h
+extern const examples::Function Wait;
+
+// harness/cli/temporary_folder.h
+extern const examples::Function Use;
+
 // harness/campaign/campaign_compare.h
 extern const CampaignStore &store, &another;
 
@@ -470,6 +487,7 @@ extern const Record record;
 
 // harness/run/arbiter.h
 extern std::vector<double> command;
+extern const TimeNs time_ns;
 
 // harness/client/task_delays.h
 extern Origin origin;

@@ -273,13 +273,13 @@ TEST(CampaignDraw, RecoveryJudgesTheEnd) {
     scenario.criteria = {{.name = "one", .stl = formula, .metric = {}, .min = {}, .max = {}}};
     return WithRecovery(scenario, 8).criteria.front().stl;
   };
-  EXPECT_EQ(rewritten("always(abs(roll_rad) <= 0.6)"), "always[28,30]((abs(roll_rad) <= 0.6))");
-  EXPECT_EQ(rewritten(" always [5, 60] ( x_m <= 1 )"), "always[28,30]((x_m <= 1))");
+  EXPECT_EQ(rewritten("always(abs(roll_rad) <= 0.6)"), "always[28,30](abs(roll_rad) <= 0.6)");
+  EXPECT_EQ(rewritten(" always [5, 60] ( x_m <= 1 )"), "always[28,30](x_m <= 1)");
   // A word that only looks like a time operator, and brackets within.
   EXPECT_EQ(rewritten("always(((x_until_m) <= 1 and (y_m <= 1)))"),
-            "always[28,30](((x_until_m <= 1) and (y_m <= 1)))");
+            "always[28,30]((x_until_m <= 1 and y_m <= 1))");
   EXPECT_EQ(rewritten("always(fault_active(\"always\") implies x_m <= 1)"),
-            "always[28,30]((fault_active(\"always\") implies (x_m <= 1)))");
+            "always[28,30]((fault_active(\"always\") implies x_m <= 1))");
   for (const char* kept : {"eventually(x_m <= 1)", "always(x_m <= 1) and always(y_m <= 1)",
                            "always(x_m <= 1 or eventually[0,2](y_m <= 1))", "x_m <= 1"})
     EXPECT_EQ(rewritten(kept), kept);

@@ -3,6 +3,7 @@
 
 Usage: campaign_test.py TILTPROOF SOURCE_DIR
 """
+import json
 import os
 import re
 import resource
@@ -205,6 +206,28 @@ class CampaignTest(CommandLineTest):
         _, err = self.campaign("show", "kept", 30, code=2)
         self.assertIn("there is no run 30: the 30 runs count from 0", err)
 
+    def test_another_client_confirms_what_was_found(self):
+        client = f"library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"  # the same firmware
+        out, _ = self.campaign(self.file(120), "-j", "2", "--confirm", client, "--out", "sure", "--no-report", code=1)
+        found = json.loads((self.folder / "sure/campaign.json").read_text())["confirmed"]
+        with sqlite3.connect(self.folder / "sure/campaign.sqlite") as database:
+            failures = database.execute("SELECT signature, run FROM failure ORDER BY run").fetchall()
+            passes = database.execute("SELECT number FROM run WHERE verdict = 'pass' ORDER BY margin, number LIMIT 100").fetchall()
+        first = {run for i, (signature, run) in enumerate(failures) if [s for s, _ in failures[:i]].count(signature) < 3}
+        expected = sorted(first | {run for run, in passes})
+        self.assertEqual([row["run"] for row in found[0]["rows"]], expected)
+        self.assertEqual((found[0]["client"], found[0]["differ"], found[0]["same"]), (client, 0, len(expected)))
+        self.assertIn(f"confirmed by {client}: {len(expected)} of {len(expected)} flights have the same verdict", out)
+        # Nothing is flown twice: a row that is there stays, and its difference is told.
+        number = expected[0]
+        with sqlite3.connect(self.folder / "sure/campaign.sqlite") as database:
+            database.execute(f"UPDATE confirmations SET time_s = 0.5, criterion = (SELECT id FROM text WHERE value = 'upright') WHERE run = {number}")
+        out, _ = self.campaign("--resume", "sure", "--confirm", client, "--no-report", code=1)
+        self.assertIn(f"{len(expected) - 1} of {len(expected)} flights", out)
+        self.assertRegex(out, rf"run {number}: .* -> \w+ upright at 0.500 s")
+        self.assertIn("knows no virtual time", self.campaign("night.yaml", "--out", "no", "--confirm", "process:true {port}", code=2)[1])
+        self.assertFalse((self.folder / "no/campaign.sqlite").exists())
+
     def test_mistakes_say_what_to_do(self):
         def mistake(*arguments, code=2):
             return self.campaign(*arguments, code=code)[1]
@@ -213,6 +236,8 @@ class CampaignTest(CommandLineTest):
         self.assertRegex(mistake(self.file(10, "draft: 1\n")), r"night\.yaml:7:1: unknown key 'draft'")
         self.assertIn("takes one campaign file, or scenarios", mistake(self.file(10), "hover.yaml"))
         self.assertIn("must be K/N", mistake("night.yaml", "--shard", "3/2"))
+        self.assertIn("only with --executor slurm", mistake("night.yaml", "--task-runs", "5", "--out", "tasks"))
+        self.assertIn("leave out --shard", mistake("night.yaml", "--executor", "slurm", "--shard", "1/2", "--out", "tasks"))
         self.assertIn("there is no campaign in this folder", mistake("--resume", "nowhere"))
         self.assertIn("there is no campaign in this folder", mistake("status", "nowhere"))
         self.assertIn("did you mean 'tolerant'?", mistake("night.yaml", "--firmware", "tolerent"))

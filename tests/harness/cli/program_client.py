@@ -71,6 +71,8 @@ def misbehave(now_ns):
         program._send(0x83, 9, 0, struct.pack("<q", now_ns) + b"x")
     if WAY == "ready_again":
         program._send(0x81, 0, 0, struct.pack("<I", 1))
+    if WAY == "two_answers":
+        program._send(0x82, 0, 0, struct.pack("<q", now_ns))
     if WAY == "flood":
         part = struct.pack("<IBBBx", 8 + 65536, 0x86, 0, 0) + struct.pack("<q", now_ns) + b"x" * 65536
         while True:

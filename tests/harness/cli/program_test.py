@@ -112,6 +112,7 @@ class ProgramTest(CommandLineTest):
              "garbage": r"broke the protocol of docs/program.md in grant: kind 47, .* at byte \d+ of what it sent \(47 45 54 20 2f 20 48 54\)",
              "huge": "broke the protocol .*a body of 2147483648 bytes", "uart": "broke the protocol .*number 9",
              "ready_again": "broke the protocol .*kind 129 has no place there",
+             "two_answers": "broke the protocol .* it sent more behind `waiting`",
              "flood": "lets no time pass: it sent more than 64 MiB in grant",
              "nanoseconds": "lets no time pass: it wants to be woken again and again",
              "backwards": "lets no time pass: it wants to be woken again and again"}

@@ -257,7 +257,7 @@ Flown FlyBy(const Scenario& scenario, const History& history, TimeNs end) {
 }
 
 void ExpectAsReference(const Scenario& scenario, std::mt19937& random, int histories_count) {
-  constexpr TimeNs kEnd = 250 * kStep;
+  constexpr TimeNs kEnd = 500 * kStep;
   bool switched = false, lost = false;
   for (int i = 0; i < histories_count; ++i) {
     const History history =
