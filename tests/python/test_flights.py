@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import pathlib
 import signal
 import subprocess
@@ -220,11 +221,17 @@ def test_a_firmware_that_crashes_does_not_take_the_script_along(scenario: pathli
         with pytest.raises(tiltproof.FlightOver):
             flight.advance(5)
     assert flight.result.end_reason == "firmware_crashed"
-    # This one ends its process, and with it what answers the script.
-    with tiltproof.fly(scenario, client=f"library:{library}", firmware="underscore_exit") as flight:
-        with pytest.raises(tiltproof.FlightOver, match="ended its process"):
-            flight.advance(5)
-    assert flight.result.verdict == "fail"
+
+
+def test_a_killed_worker_is_an_answer(scenario: pathlib.Path) -> None:
+    with tiltproof.fly(scenario) as flight:
+        flight.advance(1)
+        session = flight._session.pid
+        (worker,) = pathlib.Path(f"/proc/{session}/task/{session}/children").read_text(encoding="utf-8").split()
+        os.kill(int(worker), signal.SIGKILL)
+        with pytest.raises(tiltproof.FlightOver, match="killed by signal 9"):
+            flight.advance(1)
+    assert flight.result.verdict == "error"
 
 
 def test_margins_and_campaigns_are_rows(scenario: pathlib.Path) -> None:
