@@ -1,7 +1,7 @@
 # Contents of `cmake --install` and the Debian package. The program finds everything from its own place (harness/client/
 # firmware_files.h), so a prefix may be anywhere, and may be moved:
 #   bin/tiltproof                 the program
-#   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the images for the STM32F4
+#   lib/tiltproof                 what it loads: the firmware, the emulator's plug-in, the virtual clock, the images for the STM32F4
 #   lib, include/tiltproof        the codec and the firmware for find_package(tiltproof)
 #   lib/python3/dist-packages     the Python module
 #   share/tiltproof               models, scenarios, examples, the interface of the bus
@@ -12,6 +12,9 @@ set(share share/tiltproof)
 
 install(TARGETS tiltproof RUNTIME DESTINATION bin)
 install(TARGETS tiltproof_firmware tiltproof_lockstep minimal_firmware nmpc_firmware LIBRARY DESTINATION lib/tiltproof)
+if(TARGET tiltproof_clock)
+  install(TARGETS tiltproof_clock LIBRARY DESTINATION lib/tiltproof)
+endif()
 if(TARGET stm32f4_images)
   # The image `budgets`, and those in `planted` and `framed`, serve tests.
   install(DIRECTORY ${TILTPROOF_STM32F4_DIR}/ DESTINATION lib/tiltproof/stm32f4
@@ -22,7 +25,7 @@ install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTE
 install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf PATTERN *.csv)
 # Where Debian's Python looks.
 install(DIRECTORY python/tiltproof DESTINATION lib/python3/dist-packages FILES_MATCHING PATTERN *.py PATTERN py.typed PATTERN __pycache__ EXCLUDE)
-install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN nmpc/CMakeLists.txt EXCLUDE)
+install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN nmpc/CMakeLists.txt EXCLUDE PATTERN posix_c/CMakeLists.txt EXCLUDE)
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)

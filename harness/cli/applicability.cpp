@@ -203,7 +203,9 @@ std::string WhyUntold(const Told& told, const Scenario& scenario, std::size_t cl
     if (told.by_library(FirmwareFile(spec, firmware, DialectOf(*scenario.link.protocol)))) return "";
     return fmt::format("{} has no function {} (firmware/tiltproof_client.h)", ToText(spec), told.function);
   }
-  if (std::holds_alternative<LockstepProgram>(spec)) return "";  // it tells it when it runs, if ever
+  // One that speaks the protocol tells it when it runs, if ever.
+  if (const auto* program = std::get_if<LockstepProgram>(&spec); program != nullptr && !program->clocked)
+    return "";
   return fmt::format("the client {} does not report its {}", ToText(spec), told.noun);
 }
 

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "harness/cli/commands.h"
+#include "harness/client/clocked_program.h"
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
 #include "harness/client/sanitizer.h"
@@ -111,9 +112,12 @@ std::optional<std::string> MissingProgram(const std::string& command) {
 }  // namespace
 
 void CheckFirmwareFile(const ClientSpec& client) {
-  if (const auto* program = std::get_if<LockstepProgram>(&client))
+  if (const auto* program = std::get_if<LockstepProgram>(&client)) {
+    if (const auto mistake = program->clocked ? ClockMistake(program->command) : std::nullopt)
+      throw UsageError(fmt::format("--client {}: {}", ToText(client), *mistake));
     if (const auto missing = MissingProgram(program->command))
       throw UsageError(fmt::format("--client {}: {}", ToText(client), *missing));
+  }
   if (const auto* image = std::get_if<EmulatedImage>(&client); image != nullptr && !image->file.empty()) {
     std::error_code ignored;
     if (!std::filesystem::is_regular_file(image->file, ignored))

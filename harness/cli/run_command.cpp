@@ -49,9 +49,12 @@ FlightMeans ChooseMeans(const RunOptions& options) {
   means.peers = options.peers;
   for (const ClientSpec& client : means.clients.Named())
     if (!means.realtime && !AbilitiesOf(client, false).virtual_time)
-      throw UsageError(
-          fmt::format("--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime",
-                      ToText(client)));
+      throw UsageError(fmt::format(
+          "--client {}: it knows no virtual time and cannot fly in lockstep; add --mode realtime{}",
+          ToText(client),
+          std::holds_alternative<Program>(client)
+              ? ", or let a virtual clock hold the same program: --client 'clocked:CMD'"
+              : ""));
   for (const ClientSpec& client : means.clients.Named())
     if (means.realtime && !AbilitiesOf(client, true).wall_time)
       throw UsageError(fmt::format(
@@ -72,9 +75,14 @@ FlightMeans ChooseMeans(const RunOptions& options) {
       throw UsageError("--gdb: only in lockstep, in one process: there the vehicle waits for the debugger");
     for (const ClientSpec& client : means.clients.Named())
       if (const auto* program = std::get_if<LockstepProgram>(&client))
-        throw UsageError(fmt::format(
-            "--gdb: the program is a process of its own; start it in the debugger instead: --client {}",
-            Quoted("program:gdbserver :1234 " + program->command)));
+        throw UsageError(
+            program->clocked
+                ? std::string(
+                      "--gdb: the program is a process of its own; attach to it: gdb -p PID. The time in "
+                      "which it is stopped does not count")
+                : fmt::format("--gdb: the program is a process of its own; start it in the debugger instead: "
+                              "--client {}",
+                              Quoted("program:gdbserver :1234 " + program->command)));
     means.debug.emplace();
     if (options.gdb_port) means.debug->port = *options.gdb_port;
     if (options.gdb_at_s) means.debug->at_ns = FromSeconds(*options.gdb_at_s);

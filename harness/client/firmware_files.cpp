@@ -29,9 +29,11 @@ std::filesystem::path ProgramFile() { return std::filesystem::read_symlink("/pro
 
 std::filesystem::path ProgramFolder() { return ProgramFile().parent_path(); }
 
-std::filesystem::path LockstepPlugin() {
-  return Shipped("tiltproof_lockstep.so", "lib/tiltproof_lockstep.so");
+std::filesystem::path ShippedLibrary(const std::string& name) {
+  return Shipped(name, std::filesystem::path("lib") / name);
 }
+
+std::filesystem::path LockstepPlugin() { return ShippedLibrary("tiltproof_lockstep.so"); }
 
 std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& firmware,
                                    const std::string& dialect) {
@@ -39,7 +41,7 @@ std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& 
   const auto* library = std::get_if<HostLibrary>(&client);
   if (library == nullptr) return {};
   if (!library->file.empty()) return library->file;
-  return Shipped("libtiltproof_firmware.so", "lib/libtiltproof_firmware.so");
+  return ShippedLibrary("libtiltproof_firmware.so");
 }
 
 std::string HowToGetImages() {

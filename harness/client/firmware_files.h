@@ -20,6 +20,9 @@ namespace tiltproof::harness {
 std::filesystem::path ProgramFile();
 std::filesystem::path ProgramFolder();
 
+// A library that comes with this program.
+std::filesystem::path ShippedLibrary(const std::string& name);
+
 // The lockstep plug-in of the emulator.
 std::filesystem::path LockstepPlugin();
 

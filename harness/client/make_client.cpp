@@ -3,12 +3,36 @@
 #include <stdexcept>
 #include <utility>
 
+#include "harness/client/clocked_program.h"
 #include "harness/client/firmware_files.h"
 #include "harness/client/library_client.h"
 #include "harness/client/program_client.h"
+#include "harness/client/serial_program.h"
 #include "harness/scenario/protocol_file.h"
 
 namespace tiltproof::harness {
+
+namespace {
+
+ProgramSpec SpecOf(const LockstepProgram& program, const ClientSettings& settings) {
+  ProgramSpec spec = {.name = ToText(program), .command = program.command};
+  if (!program.clocked) return spec;
+  const SerialProgram serial = {.command = program.command,
+                                .port = kClockedPort,
+                                .reference_port = kClockedReferencePort,
+                                .baud = settings.lines.main.OrUsual().baud,
+                                .reference_baud = settings.lines.reference.OrUsual().baud,
+                                .firmware = settings.firmware,
+                                .dialect = DialectOf(*settings.protocol),
+                                .parameters = settings.parameters ? settings.parameters() : "{}"};
+  spec.command = Executed(CommandOf(serial));
+  spec.environment = EnvironmentOf(serial);
+  spec.environment.emplace_back("LD_PRELOAD", ClockLibrary().string());
+  spec.clocked = true;
+  return spec;
+}
+
+}  // namespace
 
 std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings,
                                    ClientHost host) {
@@ -30,7 +54,7 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
     return settings.debug ? WaitForDebugger(std::move(loaded), *settings.debug) : std::move(loaded);
   }
   if (const auto* program = std::get_if<LockstepProgram>(&client))
-    return StartProgramClient({.command = program->command},
+    return StartProgramClient(SpecOf(*program, settings),
                               {.uarts = {settings.lines.main, settings.lines.reference},
                                .firmware = settings.firmware,
                                .dialect = DialectOf(*settings.protocol),

@@ -17,24 +17,8 @@ namespace {
 class ProgramClient final : public CalledClient {
  public:
   ProgramClient(const ProgramSpec& spec, const ProgramHello& hello, ClientHost host)
-      : CalledClient(std::move(host)), process_(spec, [this](const std::string& line) { OnLine(line); }) {
-    AppendHello(hello, out_);
-    Guarded([&] {
-      SendExchange("hello");
-      const ProgramMessage answer = process_.Next();
-      if (answer.kind == ProgramMessage::Kind::kRefused)
-        throw std::runtime_error(fmt::format("program:{} cannot be firmware '{}' with dialect '{}': {}",
-                                             spec.command, hello.firmware, hello.dialect, answer.text));
-      if (answer.kind != ProgramMessage::Kind::kReady)
-        throw FirmwareTrouble(
-            false, "the firmware broke the protocol of docs/program.md: its first message is not `ready`");
-      if (answer.version != TILTPROOF_PROGRAM_VERSION)
-        throw std::runtime_error(
-            fmt::format("program:{} speaks version {} of docs/program.md, this tiltproof version {}",
-                        spec.command, answer.version, TILTPROOF_PROGRAM_VERSION));
-      tells_status_ = answer.tells_status;
-      if (answer.tells_role) role_ = 0;
-    });
+      : CalledClient(std::move(host)), spec_(spec), hello_(hello) {
+    PowerOn();
   }
 
   ~ProgramClient() override {
@@ -48,15 +32,46 @@ class ProgramClient final : public CalledClient {
     try {
       out_.clear();
       AppendEnd(out_);
-      process_.Send(out_, "end");
+      process_->Send(out_, "end");
     } catch (const FirmwareTrouble&) {
       // It ended before: how shows below.
     }
-    const auto trouble = process_.AwaitEnd();
+    const auto trouble = process_->AwaitEnd();
     return trouble ? std::optional(Explained(*trouble)) : std::nullopt;
   }
 
  private:
+  // Starts the program, and tells it who to be.
+  void PowerOn() {
+    lost_ = true;
+    process_ = std::make_unique<ProgramProcess>(spec_, [this](const std::string& line) { OnLine(line); });
+    lost_ = false;
+    out_.clear();
+    AppendHello(hello_, out_);
+    Guarded([&] {
+      SendExchange("hello");
+      const ProgramMessage answer = process_->Next();
+      if (answer.kind == ProgramMessage::Kind::kRefused) ThrowRefused(answer);
+      if (answer.kind != ProgramMessage::Kind::kReady)
+        throw FirmwareTrouble(
+            false, "the firmware broke the protocol of docs/program.md: its first message is not `ready`");
+      if (answer.version != TILTPROOF_PROGRAM_VERSION)
+        throw std::runtime_error(
+            fmt::format("{} speaks version {} of docs/program.md, this tiltproof version {}", spec_.name,
+                        answer.version, TILTPROOF_PROGRAM_VERSION));
+      tells_status_ = answer.tells_status;
+      if (answer.tells_role) role_ = 0;
+    });
+  }
+
+  [[noreturn]] void ThrowRefused(const ProgramMessage& message) const {
+    if (spec_.clocked)
+      throw std::runtime_error(
+          fmt::format("{}: the virtual clock cannot hold this program: {}", spec_.name, message.text));
+    throw std::runtime_error(fmt::format("{} cannot be firmware '{}' with dialect '{}': {}", spec_.name,
+                                         hello_.firmware, hello_.dialect, message.text));
+  }
+
   TimeNs StartFirmware(TimeNs shown) override { return RunFirmware(shown); }
   // They leave with the next grant, which follows at the same time.
   void ReceiveInFirmware(Uart uart, TimeNs shown, std::span<const std::uint8_t> bytes) override {
@@ -69,6 +84,13 @@ class ProgramClient final : public CalledClient {
   TimeNs ResetFirmware(TimeNs shown) override {
     // Bytes that the receivers held are lost.
     out_.clear();
+    if (spec_.clocked) {
+      // The program knows no reset: it is as if the board's power came back.
+      process_->TakeOutput(true);
+      process_.reset();
+      PowerOn();
+      return RunFirmware(shown);
+    }
     AppendReset(shown, !clock().is_true(), out_);
     return Exchange("reset");
   }
@@ -76,7 +98,9 @@ class ProgramClient final : public CalledClient {
     return tells_status_ && !lost_ ? std::optional(status_) : std::nullopt;
   }
   std::optional<std::uint32_t> AskRole() override { return lost_ ? std::nullopt : role_; }
-  void TakeOutput(bool all) override { process_.TakeOutput(all); }
+  void TakeOutput(bool all) override {
+    if (process_) process_->TakeOutput(all);
+  }
   void OnLine(const std::string& line) {
     if (over_) {
       report().Look(line);
@@ -86,7 +110,7 @@ class ProgramClient final : public CalledClient {
   }
 
   void SendExchange(const char* what) {
-    process_.Send(out_, what);
+    process_->Send(out_, what);
     out_.clear();
   }
 
@@ -94,12 +118,12 @@ class ProgramClient final : public CalledClient {
     return Guarded([&] {
       SendExchange(what);
       for (;;) {
-        const ProgramMessage message = process_.Next();
+        const ProgramMessage message = process_->Next();
         if (message.kind != ProgramMessage::Kind::kWaiting) {
           Take(message, what);
           continue;
         }
-        process_.EndAnswer();
+        process_->EndAnswer();
         return std::max<TimeNs>(message.time_ns, 0);
       }
     });
@@ -113,7 +137,7 @@ class ProgramClient final : public CalledClient {
         if (!message.ask) return;
         std::vector<std::uint8_t> answer;
         AppendSent(message.number, clock().At(sent), answer);
-        process_.Answer(answer);
+        process_->Answer(answer);
         return;
       }
       case ProgramMessage::Kind::kStatus:
@@ -127,6 +151,9 @@ class ProgramClient final : public CalledClient {
         LogOutput(when);
         host().log(when, message.text);
         return;
+      case ProgramMessage::Kind::kRefused:
+        if (spec_.clocked) ThrowRefused(message);
+        [[fallthrough]];
       default:
         throw FirmwareTrouble(
             false, fmt::format(
@@ -159,13 +186,15 @@ class ProgramClient final : public CalledClient {
             end};
   }
 
+  ProgramSpec spec_;
+  ProgramHello hello_;
   std::vector<std::uint8_t> out_;  // of the next exchange
   bool tells_status_ = false;
   ClientStatus status_;
   std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none
   bool lost_ = false;
   bool over_ = false;
-  ProgramProcess process_;
+  std::unique_ptr<ProgramProcess> process_;
 };
 
 }  // namespace

@@ -1,6 +1,6 @@
 // A program that flies in lockstep over a socket (docs/program.md): `--client 'program:CMD'`.
 //
-//   const auto client = StartProgramClient({.command = "python3 fw.py"}, hello, host);
+//   const auto client = StartProgramClient({.name = "program:python3 fw.py", .command = "python3 fw.py"}, hello, host);
 #pragma once
 
 #include <memory>

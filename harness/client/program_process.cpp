@@ -37,6 +37,16 @@ constexpr int kShellSignal = 128;
   throw std::runtime_error(fmt::format("{}: {}", what, std::strerror(errno)));
 }
 
+// Words for a program that speaks the protocol, and for one under the preloaded clock.
+constexpr std::array<const char*, 2> kNotConnected = {"has not connected to TILTPROOF_SOCKET",
+                                                      "has not loaded the virtual clock"};
+constexpr std::array<const char*, 2> kWayOut = {
+    "a program that only knows serial ports flies with --client 'clocked:CMD'",
+    "a script starts its program with `exec`; one that is statically linked, set-user-ID or not for this "
+    "processor cannot be held: fly it with "
+    "process:CMD and "
+    "--mode realtime"};
+
 // A socket that listens at a path of its own, in a folder that only this user may enter. Both go with this object.
 class Listener {
  public:
@@ -79,7 +89,7 @@ class Listener {
 }  // namespace
 
 ProgramProcess::ProgramProcess(const ProgramSpec& spec, OnLine on_line)
-    : command_(spec.command), on_line_(std::move(on_line)) {
+    : name_(spec.name), clocked_(spec.clocked), on_line_(std::move(on_line)) {
   AdoptOrphans();
   const Listener listener;
   std::array<int, 2> ends{};
@@ -131,16 +141,14 @@ void ProgramProcess::Accept(int listener) {
         log(std::move(line));
       };
       TakeOutput(true);
-      throw std::runtime_error(
-          fmt::format("program:{} {} and has not connected to TILTPROOF_SOCKET{} (docs/program.md)", command_,
-                      child_->ExitText().value_or("has ended"), last.empty() ? "" : ": " + last));
+      throw std::runtime_error(fmt::format("{} {} and {}{} (docs/program.md)", name_,
+                                           child_->ExitText().value_or("has ended"), kNotConnected[clocked_],
+                                           last.empty() ? "" : ": " + last));
     }
     if (over)
-      throw std::runtime_error(
-          fmt::format("program:{} has not connected to TILTPROOF_SOCKET within {} s of its own time "
-                      "(docs/program.md); a program that "
-                      "only knows serial ports flies with --client 'process:CMD' --mode realtime",
-                      command_, ToSeconds(kHungAfterNs)));
+      throw std::runtime_error(fmt::format("{} {} within {} s of its own time (docs/program.md); {}", name_,
+                                           kNotConnected[clocked_], ToSeconds(kHungAfterNs),
+                                           kWayOut[clocked_]));
   }
   const timeval look{0, kLook_ms * 1000};
   setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &look, sizeof look);

@@ -1,7 +1,7 @@
 // A program that flies in lockstep, as a process with a socket: started, listened to, watched, and ended with all that
 // it has started.
 //
-//   ProgramProcess process({.command = "python3 controller.py"}, on_line);
+//   ProgramProcess process({.name = "program:python3 controller.py", .command = "python3 controller.py"}, on_line);
 //   process.Send(bytes, "grant");
 //   const ProgramMessage message = process.Next();   // waits; throws FirmwareTrouble when none comes
 #pragma once
@@ -27,8 +27,11 @@
 namespace tiltproof::harness {
 
 struct ProgramSpec {
+  std::string name;                                                   // as the user wrote it: "program:./fw"
   std::string command;                                                // for sh -c
   std::vector<std::pair<std::string, std::string>> environment = {};  // added to ours
+  // The preloaded clock connects, not the program, which a reset starts again.
+  bool clocked = false;
 };
 
 class ProgramProcess {
@@ -73,7 +76,8 @@ class ProgramProcess {
   [[noreturn]] void ThrowEnded();
   std::optional<std::string> HowEnded(bool& crashed) const;
 
-  std::string command_;
+  std::string name_;
+  bool clocked_;
   OnLine on_line_;
   LineSplitter splitter_;
   std::vector<std::string> lines_;  // printed, and not passed on

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "harness/client/serial_program.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/firmware_use_watch.h"
@@ -17,18 +18,6 @@
 
 namespace tiltproof::harness {
 namespace {
-
-// Replaces every `{name}`; values in the order of the names.
-std::string Filled(std::string command,
-                   const std::array<std::string, Program::kPlaceholders.size()>& values) {
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const std::string& value = values[i];
-    const std::string place = fmt::format("{{{}}}", Program::kPlaceholders[i]);
-    for (std::size_t at = 0; (at = command.find(place, at)) != std::string::npos; at += value.size())
-      command.replace(at, place.size(), value);
-  }
-  return command;
-}
 
 // Ends of a shell that could not start a command (POSIX 2.8.2), each with its reason.
 constexpr std::array<std::pair<std::string_view, std::string_view>, 2> kNotStarted = {
@@ -58,16 +47,17 @@ class CommandRole final : public Role {
 
   void Start() override {
     log_origin_ = Origin(services_.clock().Now());
-    const std::string baud = std::to_string(scenario_.link.port_baud());
+    const SerialProgram program = {.command = command_,
+                                   .port = port_,
+                                   .reference_port = reference_port_,
+                                   .baud = scenario_.link.port_baud(),
+                                   .reference_baud = scenario_.link.reference_port_baud(),
+                                   .firmware = scenario_.firmware_of(place_),
+                                   .dialect = DialectOf(*scenario_.link.protocol),
+                                   .parameters = parameters_};
     ChildSpec spec;
-    spec.command = {"/bin/sh", "-c", Filled(command_, {port_, reference_port_, baud})};
-    spec.environment = {{"TILTPROOF_PORT", port_},
-                        {"TILTPROOF_REFERENCE_PORT", reference_port_},
-                        {"TILTPROOF_BAUD", baud},
-                        {"TILTPROOF_REFERENCE_BAUD", std::to_string(scenario_.link.reference_port_baud())},
-                        {"TILTPROOF_FIRMWARE", scenario_.firmware_of(place_)},
-                        {"TILTPROOF_DIALECT", DialectOf(*scenario_.link.protocol)},
-                        {"TILTPROOF_PARAMETERS", parameters_}};
+    spec.command = {"/bin/sh", "-c", CommandOf(program)};
+    spec.environment = EnvironmentOf(program);
     spec.guard_group = true;
     AdoptOrphans();
     process_.emplace(services_, spec, [this](const std::string& how) {

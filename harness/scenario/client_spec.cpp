@@ -13,7 +13,7 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array<ClientForm, 6> kForms = {{
+constexpr std::array<ClientForm, 7> kForms = {{
     {"host", "the shipped firmware, built for this machine (the default)"},
     {"library:FILE", "a firmware built as a shared library (firmware/tiltproof_client.h)"},
     {"qemu[:ELF]",
@@ -21,6 +21,10 @@ constexpr std::array<ClientForm, 6> kForms = {{
      "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), "
      ",hse=HZ (the board's crystal, 8000000)"},
     {"program:CMD", "a program in any language that flies in lockstep over a socket (docs/program.md)"},
+    {"clocked:CMD",
+     "a program with serial ports, {port}, {reference_port} and {baud} in CMD, unmodified under a virtual "
+     "clock: it flies in "
+     "lockstep (docs/program.md)"},
     {"process:CMD",
      "a program with serial ports, {port}, {reference_port} and {baud} in CMD; --mode realtime"},
     {"serial:DEV[,REFDEV][,reset=HOW]",
@@ -161,7 +165,9 @@ std::string TextOf(const EmulatedImage& image) {
   return text == "qemu:executive" ? "qemu" : text;
 }
 std::string TextOf(const Program& program) { return "process:" + program.command; }
-std::string TextOf(const LockstepProgram& program) { return "program:" + program.command; }
+std::string TextOf(const LockstepProgram& program) {
+  return (program.clocked ? "clocked:" : "program:") + program.command;
+}
 std::string TextOf(const SerialBoard& board) {
   return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device +
          (board.reset.empty() ? "" : ",reset=") + board.reset;
@@ -202,10 +208,12 @@ ClientSpec ParseClient(const std::string& text) {
   if (kind == "host")
     throw ClientMistake("nothing follows `host`; library:FILE is a firmware library of yours");
   if (kind == "qemu") return ReadImage(rest);
-  if (std::find(kKinds.begin(), kKinds.end(), kind) == kKinds.end()) ThrowUnknownKind(kind);
+  const bool clocked = kind == "clocked";
+  if (!clocked && std::find(kKinds.begin(), kKinds.end(), kind) == kKinds.end()) ThrowUnknownKind(kind);
   if (rest.find_first_not_of(' ') == std::string::npos) throw ClientMistake("names nothing");
   if (kind == "library") return HostLibrary{Absolute(rest)};
   if (kind == "program") return LockstepProgram{rest};
+  if (clocked) return LockstepProgram{ReadProgram(rest).command, true};
   if (kind == "process") return ReadProgram(rest);
   return ReadBoard(rest);
 }

@@ -47,6 +47,9 @@ struct Program {
 // A program that flies in lockstep over a socket (docs/program.md).
 struct LockstepProgram {
   std::string command;  // for sh -c
+  // It only knows serial ports and the system's clock: a preloaded clock speaks for it, and the command may hold the words of
+  // Program.
+  bool clocked = false;
   friend bool operator==(const LockstepProgram&, const LockstepProgram&) = default;
 };
 

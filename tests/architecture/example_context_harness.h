@@ -487,6 +487,7 @@ extern const Record record;
 
 // harness/run/arbiter.h
 extern std::vector<double> command;
+extern const TimeNs time_ns;
 
 // harness/client/task_delays.h
 extern Origin origin;

@@ -180,6 +180,7 @@ TEST(FaultSupportTest, EachClientInEachMode) {
       {EmulatedImage{}, true, {"device.reset", "device.stall", "device.bit_flip"}},
       {HostLibrary{}, false, {"device.reset", "device.task_delay", "clock.drift", "clock.jump"}},
       {HostLibrary{}, true, {"clock.drift", "clock.jump"}},
+      {LockstepProgram{}, false, {"device.reset", "device.task_delay", "clock.drift", "clock.jump"}},
       {Program{}, true, {}},
       {SerialBoard{}, true, {}},
   };
@@ -222,11 +223,12 @@ TEST(FaultSupportTest, WhoseClockDependsOnTheNode) {
   EXPECT_EQ(why("clock.drift", "client", EmulatedImage{}, false), "nothing");
   EXPECT_THAT(why("clock.drift", "client", EmulatedImage{}, true), HasSubstr("its own"));
   EXPECT_THAT(why("clock.drift", "client", SerialBoard{}, true), HasSubstr("its own"));
-  EXPECT_EQ(why("clock.jump", "client", HostLibrary{}, false), "nothing");
+  for (const ClientSpec& client : {ClientSpec(HostLibrary{}), ClientSpec(LockstepProgram{})})
+    EXPECT_EQ(why("clock.jump", "client", client, false), "nothing");
   EXPECT_EQ(
       why("clock.jump", "client", EmulatedImage{}, false),
       "lets the client's clock jump, and the processor of an emulated board would execute everything in "
-      "between: fly it with host or library:FILE");
+      "between: fly it with host, library:FILE or program:CMD");
 }
 
 }  // namespace

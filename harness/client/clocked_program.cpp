@@ -1,0 +1,136 @@
+#include "harness/client/clocked_program.h"
+
+#include <elf.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/xattr.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+#include <string_view>
+#include <vector>
+
+#include "harness/client/firmware_files.h"
+
+namespace tiltproof::harness {
+namespace {
+
+// Those that start the program are not it (harness/client/preload/preload.cpp has the same ones).
+constexpr std::array<std::string_view, 11> kLaunchers = {
+    "sh", "dash", "bash", "busybox", "env", "nice", "ionice", "taskset", "stdbuf", "setarch", "chrt"};
+
+bool IsLauncher(const std::filesystem::path& file) {
+  return std::find(kLaunchers.begin(), kLaunchers.end(), file.filename().string()) != kLaunchers.end();
+}
+
+// The file that a shell would run; empty: there is none.
+std::filesystem::path Found(const std::string& word) {
+  if (word.find('/') != std::string::npos) return access(word.c_str(), X_OK) == 0 ? word : "";
+  const char* const path = std::getenv("PATH");
+  std::istringstream folders(path == nullptr ? "/usr/bin:/bin" : path);
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (const auto file = std::filesystem::path(folder.empty() ? "." : folder) / word;
+        access(file.c_str(), X_OK) == 0 && std::filesystem::is_regular_file(file))
+      return file;
+  return "";
+}
+
+// The first word that is a program's; empty: the shell has to read it.
+std::string ProgramWord(const std::string& command) {
+  if (command.find_first_of("\"'\\$`;&|<>()*?[#~\n") != std::string::npos) {
+    // Only the part before such a character is plain: enough when the program is in it.
+    const std::size_t end = command.find_first_of("\"'\\$`;&|<>()*?[#~\n");
+    const std::size_t space = command.find_last_of(' ', end);
+    if (space == std::string::npos || command[end] == ';' || command[end] == '&' || command[end] == '|')
+      return "";
+    return ProgramWord(command.substr(0, space));
+  }
+  std::istringstream words(command);
+  for (std::string word; words >> word;)
+    if (word != "exec" && word.find('=') == std::string::npos) return word;
+  return "";
+}
+
+std::optional<std::string> MistakeOf(const std::filesystem::path& file, int depth);
+
+// A script is run by what its first line names.
+std::optional<std::string> ScriptMistake(const std::string& first_line, int depth) {
+  std::istringstream words(first_line.substr(2));
+  std::string interpreter, argument;
+  words >> interpreter >> argument;
+  if (std::filesystem::path(interpreter).filename() == "env" && !argument.empty() && argument[0] != '-')
+    interpreter = Found(argument).string();
+  if (interpreter.empty() || depth == 0) return std::nullopt;
+  return MistakeOf(interpreter, depth - 1);
+}
+
+bool HasInterpreter(std::ifstream& in, const Elf64_Ehdr& header) {
+  for (int i = 0; i < header.e_phnum; ++i) {
+    Elf64_Phdr segment{};
+    in.seekg(static_cast<std::streamoff>(header.e_phoff) + i * header.e_phentsize);
+    if (!in.read(reinterpret_cast<char*>(&segment), sizeof segment)) return false;
+    if (segment.p_type == PT_INTERP) return true;
+  }
+  return false;
+}
+
+std::optional<std::string> MistakeOf(const std::filesystem::path& file, int depth) {
+  if (file.empty() || IsLauncher(file)) return std::nullopt;
+  struct stat status {};
+  if (stat(file.c_str(), &status) != 0) return std::nullopt;
+  std::ifstream in(file, std::ios::binary);
+  Elf64_Ehdr header{};
+  in.read(reinterpret_cast<char*>(&header), sizeof header);
+  const std::string_view begin(reinterpret_cast<const char*>(&header), static_cast<std::size_t>(in.gcount()));
+  if (begin.starts_with("#!")) {
+    std::ifstream text(file);
+    std::string line;
+    std::getline(text, line);
+    return ScriptMistake(line, depth);
+  }
+  if ((status.st_mode & (S_ISUID | S_ISGID)) != 0 ||
+      getxattr(file.c_str(), "security.capability", nullptr, 0) > 0)
+    return fmt::format(
+        "{} is set-user-ID, set-group-ID or has capabilities, so that the linker preloads nothing into it; "
+        "use a copy without (cp)",
+        file.string());
+  if (!begin.starts_with(ELFMAG) || begin.size() < sizeof header) return std::nullopt;
+  if (header.e_ident[EI_CLASS] != ELFCLASS64 || header.e_machine != EM_X86_64)
+    return fmt::format("{} is not for this processor, x86-64; the virtual clock holds no other",
+                       file.string());
+  if (!HasInterpreter(in, header))
+    return fmt::format(
+        "{} is statically linked, so that the virtual clock cannot be loaded into it; link it dynamically "
+        "(without -static), or fly it with process: and --mode realtime",
+        file.string());
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string Executed(const std::string& command) {
+  for (std::size_t i = 0; i < command.size(); ++i) {
+    const bool redirects = command[i] == '&' && i > 0 && command[i - 1] == '>';
+    if (std::strchr(";&|()`\n", command[i]) != nullptr && !redirects) return command;
+  }
+  std::istringstream words(command);
+  std::string word, before;
+  while (words >> word && word.find('=') != std::string::npos) before = "env ";
+  return word == "exec" || Found(word).empty() ? command : "exec " + before + command;
+}
+
+std::filesystem::path ClockLibrary() { return ShippedLibrary("libtiltproof_clock.so"); }
+
+std::optional<std::string> ClockMistake(const std::string& command) {
+  if (!std::filesystem::exists(ClockLibrary()))
+    return "this build has no virtual clock: it needs Linux on x86-64";
+  const std::string word = ProgramWord(command);
+  return word.empty() ? std::nullopt : MistakeOf(Found(word), 1);
+}
+
+}  // namespace tiltproof::harness
