@@ -52,7 +52,9 @@ std::vector<Record> SomeRecords() {
       {13, {}, record::Late{14, record::LateKind::kBoard}},
       {15, {}, record::PlantEnd{{1, 2}, {3, 4}, {5, 6}, {7}, RedundancyTotals{1, 2, 0.5, 3, {}}}},
       {16, 0, record::LineEnd{LineCounts{{{1, 2, 3, 4}}}, 13, 14, 15}},
-      {17, 0, record::ClientEnd{18, {}, {"CRYP"}, {{"main", 19, 20, true}}, FirmwareEnd{}, ClientLoss{1, true, "hung", {}}}},
+      {17, 0,
+       record::ClientEnd{
+           18, {}, {"CRYP"}, {{"main", 19, 20, true}}, FirmwareEnd{}, ClientLoss{1, true, "hung", {}}}},
       {18, 0, record::FirmwareTime{use, Origin(BootTime(9))}},
       {19, {}, record::End{EndReason::kGroundStrike, "struck the ground", FirmwareEnd{}, 0.5}},
   };

@@ -40,8 +40,9 @@ TEST(ClientSpec, EveryFormIsRead) {
 }
 
 TEST(ClientSpec, ThePlainTextIsTheShortest) {
-  for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0",
-                           "library:/a/b.so", "process:sleep 1", "program:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
+  for (const char* text :
+       {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0", "library:/a/b.so",
+        "process:sleep 1", "program:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
     EXPECT_EQ(ToText(ParseClient(text)), text);
   EXPECT_EQ(ToText(ParseClient("qemu:executive,main=usart2")), "qemu");
 }
