@@ -18,9 +18,9 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 // A program with this code in the place of a grant or a reset; `now` is the time, `until` the answer.
-class Board {
+class ProgramBoard {
  public:
-  explicit Board(const std::string& on_grant, const std::string& on_bytes = "pass") {
+  explicit ProgramBoard(const std::string& on_grant, const std::string& on_bytes = "pass") {
     std::ofstream(file_) << "from tiltproof.program import *\n"
                             "program = Program(tells_status=True)\n"
                             "for event in program:\n"
@@ -32,7 +32,8 @@ class Board {
                                 "    " +
                                 on_grant + "\n    program.wait(until)\n";
     client = StartProgramClient(
-        {.command = "PYTHONPATH='" TILTPROOF_SOURCE "/python' exec python3 -B " + file_.string()},
+        {.name = "program:test.py",
+         .command = "PYTHONPATH='" TILTPROOF_SOURCE "/python' exec python3 -B " + file_.string()},
         {.uarts = {{}, {}}, .firmware = "paper", .dialect = "paper", .parameters = "{}"},
         {.transmit =
              [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
@@ -46,7 +47,7 @@ class Board {
              },
          .event = [this](const DeviceEvent& event) { events.push_back(event.kind); }});
   }
-  ~Board() {
+  ~ProgramBoard() {
     client.reset();
     std::filesystem::remove(file_);
   }
@@ -74,8 +75,8 @@ void Give(Client& client, BootTime at, std::string_view text) {
 }
 
 TEST(ProgramClient, ExchangesBytesStatusAndText) {
-  Board board("program.status(2, now); program.log(now, 'at ' + str(now)); until = now + 5",
-              "program.transmit(event.uart, now, event.data)");
+  ProgramBoard board("program.status(2, now); program.log(now, 'at ' + str(now)); until = now + 5",
+                     "program.transmit(event.uart, now, event.data)");
   EXPECT_EQ(board.client->Start(BootTime(0)), BootTime(5));
   Give(*board.client, BootTime(9), "ab");
   Give(*board.client, BootTime(9), "c");
@@ -89,13 +90,13 @@ TEST(ProgramClient, ExchangesBytesStatusAndText) {
 }
 
 TEST(ProgramClient, IsToldWhenBytesHaveLeft) {
-  Board board("until = program.sent_at(MAIN, now + 3, b'x')");
+  ProgramBoard board("until = program.sent_at(MAIN, now + 3, b'x')");
   EXPECT_EQ(board.client->Start(BootTime(0)), BootTime(1003));
   EXPECT_THAT(board.sent, ElementsAre("0@3:x"));
 }
 
 TEST(ProgramClient, ResetsAndRunsOnAClockThatIsWrong) {
-  Board board("program.transmit(MAIN, now, event.kind.encode()); until = now + 1000000");
+  ProgramBoard board("program.transmit(MAIN, now, event.kind.encode()); until = now + 1000000");
   board.client->Start(BootTime(0));
   const std::vector<faults::DeviceCommand> commands = {
       {.at_ns = 1'000'000, .until_ns = 2'000'000, .fault = 0, .action = faults::ResetProcessor{}},
@@ -109,7 +110,7 @@ TEST(ProgramClient, ResetsAndRunsOnAClockThatIsWrong) {
 }
 
 TEST(ProgramClient, NamesThePlaceOfAnException) {
-  Board board("print('before'); until = 1 // now");
+  ProgramBoard board("print('before'); until = 1 // now");
   const std::string trouble = [&] {
     try {
       board.client->Start(BootTime(0));
@@ -128,13 +129,13 @@ TEST(ProgramClient, NamesThePlaceOfAnException) {
 }
 
 TEST(ProgramClient, SendsNothingBehindItsAnswer) {
-  Board board("program._send(0x82, 0, 0, (1).to_bytes(8, 'little'))");
+  ProgramBoard board("program._send(0x82, 0, 0, (1).to_bytes(8, 'little'))");
   EXPECT_EQ(board.Trouble(),
             "the firmware broke the protocol of docs/program.md in grant: it sent more behind `waiting`");
 }
 
 TEST(ProgramClient, FailsByGarbageWithItsBytes) {
-  Board board("program._out += b'\\x01\\x00\\x00\\x00\\x99\\x00\\x00\\x00!'");
+  ProgramBoard board("program._out += b'\\x01\\x00\\x00\\x00\\x99\\x00\\x00\\x00!'");
   EXPECT_EQ(board.Trouble(),
             "the firmware broke the protocol of docs/program.md in grant: kind 153, which no program sends, "
             "at byte 12 of "
@@ -142,10 +143,10 @@ TEST(ProgramClient, FailsByGarbageWithItsBytes) {
 }
 
 TEST(ProgramClient, ReportsHowItFailedToEnd) {
-  Board board("pass");
+  ProgramBoard board("pass");
   board.client->Start(BootTime(0));
   EXPECT_FALSE(board.client->End().has_value());
-  Board other("pass; sys = __import__('sys'); sys.exit(5) if now else None");
+  ProgramBoard other("pass; sys = __import__('sys'); sys.exit(5) if now else None");
   other.client->Start(BootTime(0));
   EXPECT_EQ(other.Trouble(), "the firmware exited with code 5 in grant");
 }

@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 using ::testing::Key;
 using ::testing::Not;
 
-struct Flown {
+struct RedundantFlight {
   Scenario scenario;
   RunLog log;
   Score score() const { return ScoreRun(scenario, log); }
@@ -30,8 +30,8 @@ struct Flown {
 };
 
 // 10 s with the clients a and b, sound until `b_silent_ns`.
-Flown Two(TimeNs b_silent_ns = kNever) {
-  Flown flown;
+RedundantFlight Two(TimeNs b_silent_ns = kNever) {
+  RedundantFlight flown;
   flown.log = StillFlight(834);
   flown.log.clients.resize(2);
   for (std::size_t client = 0; client < 2; ++client) {
@@ -57,7 +57,7 @@ Flown Two(TimeNs b_silent_ns = kNever) {
 }
 
 TEST(Redundancy, MetricsAreTheTotalsAndHaveNamesOnlyWithSeveralClients) {
-  Flown flown = Two();
+  RedundantFlight flown = Two();
   flown.log.redundancy->split_brain_ns = 2 * kNsPerS;
   flown.log.redundancy->disagreement_ns = 3 * kNsPerS;
   flown.log.clients[1].loss = {.time_ns = 4 * kNsPerS};
@@ -79,7 +79,7 @@ TEST(Redundancy, MetricsAreTheTotalsAndHaveNamesOnlyWithSeveralClients) {
 
 TEST(Redundancy, ALostClientIsNamedAndTheOthersAreJudged) {
   constexpr TimeNs kLost = 4 * kNsPerS;
-  Flown flown = Two(kLost);
+  RedundantFlight flown = Two(kLost);
   EXPECT_EQ(flown.criterion("clean_line").verdict, Verdict::kFail) << "it is silent, and not lost";
   flown.log.clients[1].loss = {.time_ns = kLost, .hung = true, .text = "did not return", .end = {}};
   EXPECT_EQ(flown.criterion("clean_line").verdict, Verdict::kPass);
@@ -94,7 +94,7 @@ TEST(Redundancy, ALostClientIsNamedAndTheOthersAreJudged) {
 
 // Where an arbiter chooses, one silent client is no hung firmware; two are.
 TEST(Redundancy, TheFirmwareHangsWhenAllAreSilent) {
-  Flown flown = Two(4 * kNsPerS);
+  RedundantFlight flown = Two(4 * kNsPerS);
   flown.log.redundancy->switches_count = 0;
   Score score = flown.score();
   score.verdict = Verdict::kPass;
@@ -104,12 +104,12 @@ TEST(Redundancy, TheFirmwareHangsWhenAllAreSilent) {
 }
 
 TEST(Redundancy, AStandbyNeedNotCommand) {
-  Flown flown = Two();
+  RedundantFlight flown = Two();
   for (int i = 0; i < 5; ++i)
     flown.log.clients[1].line_mistakes->push_back(
         {(i + 100) * kControlPeriodNs, LineMistakeKind::kUnanswered});
   for (const double role : {0.0, 1.0, std::nan("")}) {
-    Flown told = flown;
+    RedundantFlight told = flown;
     told.log.trace.AppendColumn("role_b", std::vector<double>(told.log.trace.row_count(), role));
     EXPECT_EQ(told.criterion("clean_line").verdict, role == 0 ? Verdict::kPass : Verdict::kFail) << role;
   }
