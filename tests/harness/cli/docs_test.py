@@ -166,7 +166,10 @@ class DocsTest(unittest.TestCase):
     def test_libraries_in_the_docs_are_built_by_setup(self):
         setup = (SOURCE / "setup").read_text()
         targets = re.search(r"^targets=\((.*)\)$", setup, re.M).group(1).split()
-        shown = {name for page in pages() for name in re.findall(r"build/release/lib/(\w+)\.so", page.read_text())}
+        shown = set()
+        for page in pages():
+            text = page.read_text()  # a page may have the command that builds a library
+            shown |= {name for name in re.findall(r"build/release/lib/(\w+)\.so", text) if f"--preset release --target {name}" not in text}
         self.assertIn("minimal_firmware", shown)
         self.assertLessEqual(shown, set(targets))
 

@@ -309,6 +309,7 @@ arbiter:
 expect: pass
 allow_restarts: false
 held: false
+sensor_noise: true
 control_period:
   tolerance_percent: 1
 clean_line:
