@@ -40,6 +40,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+/* C, also where C++ includes it. NOLINTBEGIN(modernize-use-nullptr,readability-identifier-naming,bugprone-*) */
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -451,5 +452,6 @@ static inline int tiltproof_program_run(void) {
 #ifdef __cplusplus
 }
 #endif
+/* NOLINTEND(modernize-use-nullptr,readability-identifier-naming,bugprone-*) */
 
 #endif

@@ -72,7 +72,8 @@ std::optional<std::string> ScriptMistake(const std::string& first_line, int dept
 bool HasInterpreter(std::ifstream& in, const Elf64_Ehdr& header) {
   for (int i = 0; i < header.e_phnum; ++i) {
     Elf64_Phdr segment{};
-    in.seekg(static_cast<std::streamoff>(header.e_phoff) + i * header.e_phentsize);
+    in.seekg(static_cast<std::streamoff>(header.e_phoff) +
+             static_cast<std::streamoff>(i) * header.e_phentsize);
     if (!in.read(reinterpret_cast<char*>(&segment), sizeof segment)) return false;
     if (segment.p_type == PT_INTERP) return true;
   }

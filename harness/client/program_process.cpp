@@ -150,7 +150,7 @@ void ProgramProcess::Accept(int listener) {
                                            kNotConnected[clocked_], ToSeconds(kHungAfterNs),
                                            kWayOut[clocked_]));
   }
-  const timeval look{0, kLook_ms * 1000};
+  const timeval look{0, kLook_ms * 1000L};
   setsockopt(socket_.get(), SOL_SOCKET, SO_RCVTIMEO, &look, sizeof look);
 }
 

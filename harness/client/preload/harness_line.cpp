@@ -5,6 +5,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -65,8 +66,8 @@ bool ReadHello() {
   const std::size_t size = tiltproof_get_u32(hello);
   const unsigned char* at = hello + kHeader;
   if (size < 8 || tiltproof_get_u32(at) < TILTPROOF_PROGRAM_VERSION) return false;
-  const std::uint32_t uarts = tiltproof_get_u32(at + 4);
-  for (std::uint32_t i = 0; i < uarts && i < kUartsMax && 16 + 8 * i <= size; ++i)
+  const std::size_t uarts = tiltproof_get_u32(at + 4);
+  for (std::size_t i = 0; i < uarts && i < kUartsMax && 16 + 8 * i <= size; ++i)
     rates[i] = {tiltproof_get_u32(at + 8 + 8 * i), tiltproof_get_u32(at + 12 + 8 * i)};
   return true;
 }
@@ -121,7 +122,7 @@ void Log(std::int64_t now_ns, const char* text) {
   const std::size_t size = std::strlen(text);
   unsigned char* body = Message(TILTPROOF_PROGRAM_LOG, 0, 8 + size);
   tiltproof_put_i64(body, now_ns);
-  std::memcpy(body + 8, text, size);
+  std::copy_n(text, size, body + 8);
 }
 
 std::int64_t FirstGrant(ByteSink sink) {
