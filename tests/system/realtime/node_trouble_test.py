@@ -98,9 +98,13 @@ class NodeTroubleTest(unittest.TestCase):
         flight.check_results(self, finished=False)
 
     def test_main_exit(self):
-        flight, nodes = self.fly_until_event()
-        os.kill(nodes["main"], signal.SIGTERM)
-        self.assertEqual(flight.wait(5), 130)
+        for _ in range(ATTEMPTS_COUNT):
+            flight, nodes = self.fly_until_event()
+            os.kill(nodes["main"], signal.SIGTERM)
+            self.assertEqual(flight.wait(5), 130)
+            # On a busy machine a node may be given up just before the signal.
+            if not flight.events("node_lost"):
+                break
         self.assertEqual(flight.result()["verdict"], "inconclusive")
         self.assertRegex(flight.result()["reason"], r"(interrupted|the flight ended) at [1-9]\.")
         flight.check_results(self)
