@@ -79,9 +79,9 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   if (host == nullptr || host->abi_version != TILTPROOF_CLIENT_ABI_VERSION || host->transmit == nullptr)
     return nullptr;
   std::string problem;
-  Options options;
+  const Options options;
   std::optional<Rotorcraft> vehicle = tiltproof::nmpc::ReadRotorcraft(host->parameters, problem);
-  if (!vehicle || !NmpcLaw::ReadOptions(host->parameters, options, problem)) return Refuse(problem);
+  if (!vehicle) return Refuse(problem);
   LqrSetup setup;
   if (!tiltproof::firmware::ReadLqrSetup(host->parameters, setup))
     return Refuse("the protocol does not carry all states of the vehicle");

@@ -1,10 +1,7 @@
 #include "firmware/examples/nmpc/nmpc_law.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <nlohmann/json.hpp>
-#include <string_view>
 #include <utility>
 
 #include "link/time.h"
@@ -27,51 +24,6 @@ constexpr double kPredictionStep_s = 0.012;
 double Limited(double value, double limit) { return std::clamp(value, -limit, limit); }
 
 }  // namespace
-
-bool NmpcLaw::ReadOptions(const char* parameters, Options& options, std::string& problem) {
-  const auto json = nlohmann::json::parse(parameters == nullptr ? "" : parameters, nullptr, false);
-  const auto own = json.is_object() ? json.find("firmware_parameters") : json.end();
-  if (own == json.end() || !own->is_object()) return true;
-  double intervals = options.intervals, iterations = options.iterations, sweeps_max = options.sweeps_max,
-         threads = options.threads;
-  struct Named {
-    std::string_view name;
-    double& value;
-    double min, max;
-  };
-  const std::array<Named, 8> all = {{{"intervals", intervals, 2, 200},
-                                     {"horizon_s", options.horizon_s, 0.02, 10},
-                                     {"iterations", iterations, 1, 20},
-                                     {"sweeps_max", sweeps_max, 1, 100},
-                                     {"threads", threads, 1, 64},
-                                     {"tilt_max_rad", options.tilt_max_rad, 0.05, 1.4},
-                                     {"thrust_max_n", options.thrust_max_n, 0, 1e3},
-                                     {"compute_us", options.compute_us, 0, 1e5}}};
-  for (auto each = own->begin(); each != own->end(); ++each) {
-    const std::string& name = each.key();
-    const auto named = std::find_if(all.begin(), all.end(), [&](const Named& n) { return n.name == name; });
-    if (named == all.end()) {
-      problem = "firmware_parameters: this firmware has no ";
-      problem += name;
-      problem += "; it has";
-      for (const Named& known : all) problem.append(" ").append(known.name);
-      return false;
-    }
-    const double value = each->is_number() ? each->get<double>() : NAN;
-    if (!(value >= named->min) || !(value <= named->max)) {
-      problem = "firmware_parameters: out of range: ";
-      problem += name;
-      problem += " is a number from " + std::to_string(named->min) + " to " + std::to_string(named->max);
-      return false;
-    }
-    named->value = value;
-  }
-  options.intervals = static_cast<int>(intervals);
-  options.iterations = static_cast<int>(iterations);
-  options.sweeps_max = static_cast<int>(sweeps_max);
-  options.threads = static_cast<int>(threads);
-  return true;
-}
 
 NmpcLaw::NmpcLaw(const Rotorcraft& vehicle, const Options& options, bool rates_in_world, Compute compute)
     : vehicle_(vehicle),

@@ -34,10 +34,6 @@ using Compute = std::function<TimeNs(TimeNs now, TimeNs length, TimeNs deadline)
 
 class NmpcLaw final : public firmware::CycleLaw {
  public:
-  // Options that a firmware parameter names: intervals, horizon_s, iterations, sweeps_max, threads, tilt_max_rad,
-  // thrust_max_n, compute_us. False, with the reason in `problem`, for any other or one out of range.
-  static bool ReadOptions(const char* parameters, Options& options, std::string& problem);
-
   NmpcLaw(const Rotorcraft& vehicle, const Options& options, bool rates_in_world, Compute compute);
 
   // False: there is no code for this vehicle, and Step must not be called.

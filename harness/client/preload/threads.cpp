@@ -126,7 +126,7 @@ void HandTo(Thread& thread) {
   Kernel(SYS_futex, &thread.turn, FUTEX_WAKE_PRIVATE, 1);
 }
 
-// The kernel clears words of a thread that ends (pthread_join(), robust mutexes) and wakes nobody here.
+// The kernel clears words of a thread that ends (pthread_join(), robust mutexes) and wakes no thread here.
 void AfterDeparture() {
   if (departed == 0) return;
   const long process = Kernel(SYS_getpid);

@@ -136,18 +136,5 @@ TEST(NmpcLawTest, AQuickPlanLeavesWhenItIsReady) {
   EXPECT_EQ(leaves, 3 * kMs);  // 20 intervals, two works on each
 }
 
-TEST(NmpcLawTest, RefusesParametersThatItDoesNotKnow) {
-  Options options;
-  std::string problem;
-  EXPECT_TRUE(NmpcLaw::ReadOptions(R"({"firmware_parameters": {"intervals": 7, "tilt_max_rad": 0.25}})",
-                                   options, problem));
-  EXPECT_EQ(options.intervals, 7);
-  EXPECT_EQ(options.tilt_max_rad, 0.25);
-  EXPECT_FALSE(NmpcLaw::ReadOptions(R"({"firmware_parameters": {"horizon": 1}})", options, problem));
-  EXPECT_NE(problem.find("horizon_s"), std::string::npos) << problem;
-  EXPECT_FALSE(NmpcLaw::ReadOptions(R"({"firmware_parameters": {"threads": 0}})", options, problem));
-  EXPECT_NE(problem.find("threads"), std::string::npos) << problem;
-}
-
 }  // namespace
 }  // namespace tiltproof::nmpc
