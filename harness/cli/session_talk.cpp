@@ -303,7 +303,7 @@ bool SessionTalk::IsHeard() const {
   return !unheard_ && (poll(&wait, 1, 0) <= 0 || (wait.revents & (POLLERR | POLLHUP)) == 0);
 }
 
-void SessionTalk::Answer(TimeNs time_ns, Json answer) {
+void SessionTalk::Answer(TimeNs time_ns, const Json& answer) {
   Json line = {{"time_s", ToSeconds(time_ns)}};
   line.update(answer);
   Write(line);

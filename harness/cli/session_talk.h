@@ -74,7 +74,7 @@ class SessionTalk {
   std::optional<std::string> NextLine(const std::function<void()>& alive);
   bool Fill(const std::function<void()>& alive);
   bool IsHeard() const;  // the script still reads
-  void Answer(TimeNs time_ns, nlohmann::ordered_json answer);
+  void Answer(TimeNs time_ns, const nlohmann::ordered_json& answer);
   void Complain(const std::string& where, const std::string& message);
   void Write(const nlohmann::ordered_json& line);
 
