@@ -49,7 +49,7 @@ class LibraryRole final : public Role {
         .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
     std::function<std::string()> parameters;
     if (TakesParameters(std::get<HostLibrary>(firmware_), build))
-      parameters = [&loaded] { return ClientParameters(loaded.scenario, *loaded.model); };
+      parameters = [this, &loaded] { return ClientParameters(loaded.scenario, *loaded.model, place_); };
     try {
       client_ = LoadLibraryClient(FirmwareFile(firmware_, build, DialectOf(*scenario_.link.protocol)), build,
                                   DialectOf(*scenario_.link.protocol), host,
