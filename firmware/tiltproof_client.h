@@ -19,8 +19,8 @@
  * and only that thread may call the host, within a call. Several boards may exist at once, so keep state in the
  * TiltproofClient.
  *
- * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
- * docs/wire.md; in C++, link/frame.h and firmware/messages.h have them.
+ * UART 0 is the main line (sensors and actuators), UART 1 brings references; from 2 on, lines to other boards
+ * (docs/redundancy.md). Frames and messages: docs/wire.md; in C++, link/frame.h and firmware/messages.h.
  *
  * Version 2 adds TiltproofHost.parameters. A library of version 1 works as before: it gets a host of version 1.
  */

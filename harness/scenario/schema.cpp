@@ -118,6 +118,11 @@ class SchemaBuilder : public KeyVisitor {
     const Json schema = {{"enum", words}};
     index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
   }
+  void WordOrName(const Key& key, std::span<const std::string_view> words, std::string& text,
+                  const TextRule& rule) override {
+    const Json schema = {{"anyOf", {{{"enum", words}}, TextSchema(rule)}}};
+    text.empty() ? Add(key, schema) : Add(key, schema, text);
+  }
   void Bytes(const Key& key, std::vector<std::uint8_t>&, std::size_t count_max) override {
     const Json byte = {{"type", "integer"}, {"minimum", 0}, {"maximum", 255}};
     Add(key, {{"type", "array"}, {"items", byte}, {"minItems", 1}, {"maxItems", count_max}});
