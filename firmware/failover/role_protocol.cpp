@@ -117,7 +117,7 @@ void RoleProtocol::On(RoleEvent event) {
   const Role before = own_.role;
   own_.role = RoleAfter(before, event);
   if (event == RoleEvent::kAway) {
-    // What it has heard is old.
+    // All that it has heard is old.
     own_.peer.reset();
     own_.silent_periods = 0;
   }

@@ -246,7 +246,7 @@ void DescribeClient(KeyVisitor& v, ClientEntry& client) {
 }
 
 void DescribeFirmware(KeyVisitor& v, Scenario& s) {
-  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, or lqr for any vehicle"},
+  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, failover, triplex, or lqr for any vehicle"},
          s.firmware, kWord);
   v.Text({"gain",
           "The gain of the build lqr, and of a library that takes parameters: design, or a CSV file of "

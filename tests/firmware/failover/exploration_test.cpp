@@ -132,7 +132,7 @@ void Canonicalise(World& world) {
   }
 }
 
-// Of all of a state, and of nothing else: 128 bits, so that no two of some million states share one.
+// A digest of all of a state, and of nothing else: 128 bits, so that no two of some million states share one.
 struct Digest {
   std::uint64_t low = 0x9E3779B97F4A7C15, high = 0xC2B2AE3D27D4EB4F;
   friend bool operator==(const Digest&, const Digest&) = default;
@@ -330,7 +330,7 @@ class Exploration {
     const int in_force = stays ? before : claims(0) ? 0 : claims(1) ? 1 : -1;
     if (in_force >= 0 && in_force != before) {
       const bool excused = before < 0 || world.boards[static_cast<std::size_t>(before)].died_in_force;
-      // Of claims that began within one period no board can know which one is in force.
+      // No board can know which claim is in force when both began within one period.
       const std::int64_t elder_by =
           before < 0 ? 0 : ages[before] + 1 - world.boards[in_force].roles.memory().claim_age;
       if (!excused && -1 <= elder_by && elder_by <= 1)
