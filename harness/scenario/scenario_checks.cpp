@@ -316,13 +316,14 @@ class Checker {
   }
 
   void CheckLine(LineEntry& line, const YamlNode& node, std::map<std::string, std::string>& targets) {
-    if (const YamlNode* between = Good(node, "between"); between != nullptr && !line.between.empty()) {
-      if (line.between.size() != 2)
+    if (const YamlNode* between = Good(node, "between");
+        between != nullptr && between->kind == YamlNode::Kind::kSequence) {
+      const std::vector<YamlNode>& ends = between->items;
+      if (ends.size() != 2)
+        Complain(between->mark, fmt::format("between: a line has two ends, and there are {}", ends.size()));
+      else if (ends[0].text == ends[1].text)
         Complain(between->mark,
-                 fmt::format("between: a line has two ends, and there are {}", line.between.size()));
-      else if (line.between[0] == line.between[1])
-        Complain(between->mark,
-                 fmt::format("between: both ends are '{}': a line is between two clients", line.between[0]));
+                 fmt::format("between: both ends are '{}': a line is between two clients", ends[0].text));
       for (const YamlNode& item : between->items)
         if (!Troubled(item)) CheckClient("between", item.mark, item.text);
     }

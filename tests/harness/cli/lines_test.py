@@ -98,6 +98,7 @@ class LinesTest(CommandLineTest):
         self.assertIn("wrong.yaml:6:31: between: there is no client 'c'", check("[{id: cross, between: [a, c]}]"))
         self.assertIn("both ends are 'a'", check("[{id: cross, between: [a, a]}]"))
         self.assertIn("a line has two ends, and there are 1", check("[{id: cross, between: [a]}]"))
+        self.assertIn("a line has two ends, and there are 0", check("[{id: cross, between: []}]"))
         self.assertIn("a line has two ends, and there are 3", check("[{id: cross, between: [a, b, a]}]"))
         self.assertIn("baud: 100 is ", check("[{id: cross, between: [a, b], baud: 100}]"))
         self.assertIn("id: 'a' is a client", check("[{id: a, between: [a, b]}]"))
