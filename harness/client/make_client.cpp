@@ -16,8 +16,15 @@ namespace tiltproof::harness {
 
 namespace {
 
+std::vector<link::LineRate> UartsOf(const EmulatorLines& lines) {
+  std::vector<link::LineRate> uarts = {lines.main, lines.reference};
+  for (const auto& [id, rate] : lines.between) uarts.push_back(rate);
+  return uarts;
+}
+
 ProgramSpec SpecOf(const LockstepProgram& program, const ClientSettings& settings) {
   ProgramSpec spec = {.name = ToText(program), .command = program.command};
+  spec.uart_count = static_cast<int>(UartsOf(settings.lines).size());
   if (!program.clocked) return spec;
   const SerialProgram serial = {.command = program.command,
                                 .port = kClockedPort,
@@ -32,12 +39,6 @@ ProgramSpec SpecOf(const LockstepProgram& program, const ClientSettings& setting
   spec.environment.emplace_back("LD_PRELOAD", ClockLibrary().string());
   spec.clocked = true;
   return spec;
-}
-
-std::vector<link::LineRate> UartsOf(const EmulatorLines& lines) {
-  std::vector<link::LineRate> uarts = {lines.main, lines.reference};
-  for (const auto& [id, rate] : lines.between) uarts.push_back(rate);
-  return uarts;
 }
 
 }  // namespace

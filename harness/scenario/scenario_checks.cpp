@@ -309,18 +309,21 @@ class Checker {
     for (const faults::Target target : {faults::Target::kToClient, faults::Target::kToPlant,
                                         faults::Target::kBoth, faults::Target::kReference})
       targets.emplace(Name(target), "every client's own lines");
+    // Words of --client qemu.
+    for (const char* taken : {"main", "console", "hse"}) targets.emplace(taken, "a part of a board");
     for (std::size_t i = 0; i < scenario_.lines.size(); ++i)
       CheckLine(scenario_.lines[i], list->items[i], targets);
   }
 
   void CheckLine(LineEntry& line, const YamlNode& node, std::map<std::string, std::string>& targets) {
-    if (const YamlNode* between = Good(node, "between"); between != nullptr && !line.between.empty()) {
-      if (line.between.size() != 2)
+    if (const YamlNode* between = Good(node, "between");
+        between != nullptr && between->kind == YamlNode::Kind::kSequence) {
+      const std::vector<YamlNode>& ends = between->items;
+      if (ends.size() != 2)
+        Complain(between->mark, fmt::format("between: a line has two ends, and there are {}", ends.size()));
+      else if (ends[0].text == ends[1].text)
         Complain(between->mark,
-                 fmt::format("between: a line has two ends, and there are {}", line.between.size()));
-      else if (line.between[0] == line.between[1])
-        Complain(between->mark,
-                 fmt::format("between: both ends are '{}': a line is between two clients", line.between[0]));
+                 fmt::format("between: both ends are '{}': a line is between two clients", ends[0].text));
       for (const YamlNode& item : between->items)
         if (!Troubled(item)) CheckClient("between", item.mark, item.text);
     }

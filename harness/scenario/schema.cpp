@@ -333,6 +333,8 @@ std::string AllowedText(const Json& schema) {
     return fmt::format("{}, a path that ends in `.yaml`, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].value("type", "") == "number")
     return fmt::format("{}, or {}", AllowedText(schema["anyOf"][0]), AllowedText(schema["anyOf"][1]));
+  if (schema.contains("anyOf") && schema["anyOf"][1].value("type", "") == "string")
+    return fmt::format("{}, or text", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
     return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))
@@ -402,6 +404,7 @@ std::string ScenarioKeysMarkdown() {
   const Json& keys = schema["properties"];
   std::string text = Table("The file", Rows(schema));
   text += Table("An item of `clients`", Rows(keys["clients"]["items"]));
+  text += Table("An item of `lines`", Rows(keys["lines"]["items"]));
   for (const Json& branch : keys["arbiter"]["allOf"]) {
     const Json& kind = branch["then"];
     text += Table(fmt::format("`arbiter` of type {}", kind["properties"]["type"]["const"].get<std::string>()),
