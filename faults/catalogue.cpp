@@ -34,6 +34,11 @@ frames have: `check` and `run` refuse these for another framing.
 
 FRAMINGS
 
+A fault of the line or the receiver may act on a line between boards (docs/redundancy.md): `target` is then
+the line's id, for both ways, or one way, `cross_to_a`. Without a `protocol`, nothing is known of the frames
+on such a line. What a board gives to its transmitter at once stands in the place of a frame. Faults on the
+content of frames are refused there: all `frame.` faults but frame.delay.
+
 The trigger decides on which frames, samples or bytes in the window the fault acts. If the fault has a
 `message`, only frames of that kind count. The trigger picks every `every_nth_count`-th of them, with
 `probability`. On the wire, faults act in the order of their stages: frame, byte, timing. Within a stage, they

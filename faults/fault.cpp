@@ -4,6 +4,11 @@
 
 namespace tiltproof::faults {
 
+std::string TargetText(const FaultSpec& spec) {
+  if (spec.line.empty()) return std::string(Name(spec.target));
+  return spec.line_end.empty() ? spec.line : spec.line + "_to_" + spec.line_end;
+}
+
 std::string_view Name(Target target) {
   switch (target) {
     case Target::kNone:

@@ -51,6 +51,10 @@ struct FaultSpec {
   std::string type;  // "wire.bit_error"
   Target target = Target::kNone;
   std::string client;  // its line, samples or board; empty: those of every client, each with its own draws
+  // Id of a line between boards, on which it acts in place of the clients' lines. `target` is then kBoth, or kToClient towards
+  // the first of the line's two ends, kToPlant towards the second; kNone: there is no such line. `line_end`: the client
+  // at that end; empty: both ways.
+  std::string line = {}, line_end = {};
   TimeNs start_ns =
       kPowerOn;  // [start, end): for a frame, when its first byte enters the wire; otherwise the sample's time
   TimeNs end_ns = kNever;
@@ -65,6 +69,9 @@ struct FaultSpec {
       message;  // the fault sees frames of this message of the protocol only; empty: all (FindMessage())
   std::map<std::string, ParameterValue> parameters;  // by name
 };
+
+// As scenarios write it: "to_plant", "cross", "cross_to_a".
+std::string TargetText(const FaultSpec& spec);
 
 // True if its activity also depends on other events (faults/fault_event.h), not only on the clock.
 inline bool WaitsForEvent(const FaultSpec& spec) { return !spec.when.empty() || spec.after.has_value(); }

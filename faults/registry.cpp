@@ -233,6 +233,10 @@ class Validator {
   }
 
   void CheckTarget(const FaultType& type) {
+    if (!spec_.line.empty() && type.has_target()) {
+      if (spec_.target == Target::kNone) AddUnknownTarget(type);
+      return;
+    }
     const std::vector<Target> accepted = AcceptedTargets(type);
     if (std::find(accepted.begin(), accepted.end(), spec_.target) != accepted.end()) return;
     if (!type.has_target()) {
@@ -243,6 +247,13 @@ class Validator {
     names.reserve(accepted.size());
     for (const Target target : accepted) names.push_back(Name(target));
     Add("target", {type.name, " needs a target: ", Joined(names)});
+  }
+
+  void AddUnknownTarget(const FaultType& type) {
+    std::vector<std::string_view> names;
+    for (const Target target : AcceptedTargets(type))
+      if (target != Target::kNone) names.push_back(Name(target));
+    Add("target", {"unknown value '", spec_.line, "'", Suggestion(spec_.line, names)});
   }
 
   void CheckMessage(const FaultType& type) {
@@ -457,6 +468,15 @@ std::vector<std::string> FieldNames(const link::Protocol& protocol, Target targe
       if (std::find(names.begin(), names.end(), field.signal) == names.end()) names.push_back(field.signal);
   }
   return names;
+}
+
+std::optional<std::string> LineProblem(const FaultType& type, bool has_protocol) {
+  const auto* wire = type.As<WireKind>();
+  const bool edits_frames =
+      wire != nullptr && wire->wire_layer == WireLayer::kFrame && type.name.starts_with("frame.");
+  if (has_protocol || !edits_frames) return std::nullopt;
+  return Concat(
+      {type.name, " acts on whole frames, and the line carries bytes as they are: name its `protocol`"});
 }
 
 std::vector<Target> AcceptedTargets(const FaultType& type) {

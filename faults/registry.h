@@ -43,6 +43,8 @@ std::optional<Problem> ProtocolProblem(const FaultSpec& spec, const link::Protoc
 
 // The possible targets of a fault, Target::kNone being "no target": the main line or the reference line for
 // faults on the wire, none for others.
+// The reason that a line between boards cannot have such a fault. `has_protocol`: that of its frames is named.
+std::optional<std::string> LineProblem(const FaultType& type, bool has_protocol);
 std::vector<Target> AcceptedTargets(const FaultType& type);
 // The target of a fault on the wire, the type's default if it states none.
 Target ResolvedTarget(const FaultSpec& spec, const FaultType& type);

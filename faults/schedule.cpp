@@ -86,13 +86,17 @@ struct FaultSchedule::State {
     }
   }
   void Add(const ReceiverKind& kind, const Entry& entry) {
-    receivers.push_back({.fault = entry.fault,
-                         .direction = DirectionsOf(ResolvedTarget(entry.spec, entry.type)).front(),
-                         .activity = &activities[entry.fault],
-                         .trigger = entry.trigger,
-                         .mark = kind.mark,
-                         .probability = entry.parameters.Number("probability"),
-                         .stream = StreamKey(entry.seed, {entry.spec.id, "model"})});
+    for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
+      std::uint64_t stream = StreamKey(entry.seed, {entry.spec.id, "model"});
+      if (!entry.spec.line.empty()) stream = StreamKey(entry.seed, {entry.spec.id, "model", Name(direction)});
+      receivers.push_back({.fault = entry.fault,
+                           .direction = direction,
+                           .activity = &activities[entry.fault],
+                           .trigger = entry.trigger,
+                           .mark = kind.mark,
+                           .probability = entry.parameters.Number("probability"),
+                           .stream = stream});
+    }
   }
   template <class Kind>
   void AddToVehicle(const Kind& kind, const Entry& entry) {
@@ -152,6 +156,7 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
     state_->followers[static_cast<std::size_t>(followed - specs.begin())].push_back(fault);
   }
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
+    if (specs[fault].line != place.line) continue;
     const std::string& whose = specs[fault].client;
     if (!place.client.empty() && !whose.empty() && whose != place.client) continue;
     std::visit(

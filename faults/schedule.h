@@ -49,6 +49,9 @@ class FaultSchedule {
     // only client.
     std::string_view client = {};
     bool grows = false;  // Add() will be called
+    // The line between boards that the faults belong to; the others do not act here. Empty: the lines of a client.
+    // `kToPlant` is then the way to its second end, `kToClient` that to its first.
+    std::string_view line = {};
   };
 
   // Throws std::invalid_argument, naming fault and key, when Validate() finds anything.

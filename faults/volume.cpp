@@ -48,7 +48,7 @@ std::optional<TooMuch> CertainOverfull(const std::vector<FaultSpec>& specs, Time
   std::vector<std::size_t> acting_order;
   const auto wire = [&specs](std::size_t fault) { return FindFaultType(specs[fault].type)->As<WireKind>(); };
   for (std::size_t fault = 0; fault < specs.size(); ++fault)
-    if (wire(fault) != nullptr) acting_order.push_back(fault);
+    if (wire(fault) != nullptr && specs[fault].line.empty()) acting_order.push_back(fault);
   std::stable_sort(acting_order.begin(), acting_order.end(), [&wire](std::size_t a, std::size_t b) {
     return wire(a)->wire_layer < wire(b)->wire_layer;
   });

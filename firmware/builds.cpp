@@ -20,6 +20,19 @@ constexpr Actuators kPublishedFeedForward = {
 // same step of 4 ms as one that answers a reply in time.
 constexpr TimeNs kReplyTimeoutNs = 2 * kNsPerMs;
 
+constexpr Build Tolerant(const char* name, Redundancy redundancy) {
+  return {.name = name,
+          .gain = &kTiltrotorGain,
+          .feed_forward = kPaperFeedForward,
+          .checks = ValueChecks::kFiniteAndRange,
+          .late_replies = LateReplies::kKept,
+          .reply_timeout_ns = kReplyTimeoutNs,
+          .command_interval_ns = kModelStepNs,
+          .retries_start = true,
+          .blind_periods_limit = 5,
+          .redundancy = redundancy};
+}
+
 constexpr std::array kBuilds = {
     Build{.name = "paper",
           .gain = &kTiltrotorGain,
@@ -39,15 +52,9 @@ constexpr std::array kBuilds = {
           .command_interval_ns = kNever,
           .retries_start = false,
           .blind_periods_limit = 0},
-    Build{.name = "tolerant",
-          .gain = &kTiltrotorGain,
-          .feed_forward = kPaperFeedForward,
-          .checks = ValueChecks::kFiniteAndRange,
-          .late_replies = LateReplies::kKept,
-          .reply_timeout_ns = kReplyTimeoutNs,
-          .command_interval_ns = kModelStepNs,
-          .retries_start = true,
-          .blind_periods_limit = 5},
+    Tolerant("tolerant", Redundancy::kNone),
+    Tolerant("failover", Redundancy::kFailover),
+    Tolerant("triplex", Redundancy::kTriplex),
 };
 
 }  // namespace

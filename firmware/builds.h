@@ -4,6 +4,8 @@
 //   paper_published  the same with gain and feed-forward designed on the as-published model
 //                    (plant/models/tiltrotor_published.sdf)
 //   tolerant         takes no value on trust and rides out missing replies
+//   failover         tolerant, as one of two boards of which one claims the vehicle
+//   triplex          tolerant, as one of three boards that all fly it
 #pragma once
 
 #include <cstdint>
@@ -11,6 +13,7 @@
 #include <string_view>
 
 #include "firmware/control_law.h"
+#include "firmware/failover/redundant_board.h"
 #include "firmware/sensor_reader.h"
 #include "link/time.h"
 
@@ -35,6 +38,7 @@ struct Build {
   // Periods in a row without valid reply, after a first one, that count as one entry of the fail-safe state;
   // 0: there is none.
   std::uint32_t blind_periods_limit;
+  Redundancy redundancy = Redundancy::kNone;
 };
 
 std::span<const Build> Builds();

@@ -29,6 +29,12 @@ class ControlActivity {
   // Normal in a build without supervisor.
   Status status() const { return tolerant_ ? tolerant_->status() : Status{}; }
 
+  const Integrals& integrals() const { return tolerant_ ? tolerant_->integrals() : law_.integrals(); }
+  // Goes on with the integrals of another board that flies the same vehicle.
+  void SetIntegrals(const Integrals& integrals) {
+    tolerant_ ? tolerant_->SetIntegrals(integrals) : law_.SetIntegrals(integrals);
+  }
+
   // nullopt when the item requires no command.
   std::optional<Actuators> Do(const ControlItem& item);
 

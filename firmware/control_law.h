@@ -30,6 +30,9 @@ inline constexpr TimeNs kControlPeriodNs = 12 * kNsPerMs;
 inline constexpr std::size_t kIntegralCount = 4;
 inline constexpr std::size_t kStateCount = kSensorCount + kIntegralCount;
 
+// Integrals of the errors of x, y, z (m s) and yaw (rad s).
+using Integrals = std::array<float, kIntegralCount>;
+
 // K: rows f_r (N), f_l (N), tau_r (N m), tau_l (N m); columns in the order of x above.
 using Gain = std::array<std::array<float, kStateCount>, kActuatorCount>;
 
@@ -44,10 +47,13 @@ class ControlLaw {
   Actuators Step(const Sensors& sensors, const Reference& reference,
                  Integration integration = Integration::kOn);
 
+  const Integrals& integrals() const { return integrals_; }
+  void SetIntegrals(const Integrals& integrals) { integrals_ = integrals; }
+
  private:
   const Gain& gain_;
   Actuators feed_forward_;
-  std::array<float, kIntegralCount> integrals_{};        // of the errors of x, y, z (m s) and yaw (rad s)
+  Integrals integrals_{};
   std::array<float, kIntegralCount> previous_errors_{};  // of the last step
 };
 

@@ -12,12 +12,15 @@
 // Timing: sensor_cycle.h. A valid reply is answered at once by one control step and its actuators.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "firmware/actuator_writer.h"
 #include "firmware/builds.h"
 #include "firmware/control_activity.h"
+#include "firmware/failover/redundant_board.h"
 #include "firmware/port.h"
 #include "firmware/reference_receiver.h"
 #include "firmware/sensor_cycle.h"
@@ -26,8 +29,8 @@ namespace tiltproof::firmware {
 
 class FlightApplication {
  public:
-  // `build` and `port` must outlive the application.
-  FlightApplication(const Build& build, link::Dialect dialect, Port& port);
+  // `build` and `port` must outlive the application. `place`: of this board among several, from 0.
+  FlightApplication(const Build& build, link::Dialect dialect, Port& port, std::size_t place = 0);
 
   // Call once, at power-on. Returns when to call Tick at the latest.
   TimeNs Start(TimeNs now);
@@ -41,15 +44,21 @@ class FlightApplication {
 
   Status status() const { return control_.status(); }
 
+  // Active whenever it flies by what it is sent, in a build that is alone.
+  Role role() const;
+
   // The number of times that the control activity has had work, modulo 2^32. From the second period on it grows at
   // least once per period, with replies or without. A watchdog can check this number.
   std::uint32_t control_count() const { return control_count_; }
 
  private:
+  void NoteItem(const ControlItem& item);
+
   SensorCycle sensor_cycle_;
   ControlActivity control_;
   ActuatorWriter actuator_writer_;
   ReferenceReceiver reference_receiver_;
+  std::optional<RedundantBoard> redundant_board_;
   std::uint32_t control_count_ = 0;
 };
 

@@ -16,6 +16,8 @@ namespace tiltproof::firmware {
 enum class Uart : std::uint8_t {
   kMain = 0,       // sensors and actuators: the paper's service protocol
   kReference = 1,  // references from the base station or the joystick reader: frame layer only
+  kCross = 2,      // to another board on the vehicle (firmware/failover/cross_line.h)
+  kSecondCross = 3
 };
 
 class Port {

@@ -19,8 +19,8 @@
  * and only that thread may call the host, within a call. Several boards may exist at once, so keep state in the
  * TiltproofClient.
  *
- * UART 0 is the main line (sensors and actuators), UART 1 brings references. Frames and messages:
- * docs/wire.md; in C++, link/frame.h and firmware/messages.h have them.
+ * UART 0 is the main line (sensors and actuators), UART 1 brings references; from 2 on, lines to other boards
+ * (docs/redundancy.md). Frames and messages: docs/wire.md; in C++, link/frame.h and firmware/messages.h.
  *
  * Version 2 adds TiltproofHost.parameters. A library of version 1 works as before: it gets a host of version 1.
  */
@@ -56,8 +56,8 @@ typedef struct {
   int64_t (*transmit)(void* context, int uart, int64_t now_ns, const uint8_t* bytes, size_t count);
   /* One line of text for the run's firmware.log. NULL when there is no log. */
   void (*log)(void* context, int64_t now_ns, const char* text);
-  /* From version 2 on: what a controller must know of the vehicle, as one JSON object. NULL for the shipped builds that
-   * fly the tilt-rotor.
+  /* From version 2 on: what a controller must know of the vehicle, as one JSON object. NULL for most of the shipped
+   * builds that fly the tilt-rotor.
    *   vehicle           {"name", "model" (of the scenario, as written), "mass_kg"}
    *   control_period_s  of the protocol
    *   angular_rates     axes of the sensed angular rates: "world", "body" or "euler"
@@ -71,6 +71,7 @@ typedef struct {
    *                     "position", "body": BODY}, ...], "rotors": [{"hinge": its place among the hinges or null, "point_m",
    *                     "axis", "drag_ratio_m"}, ...]} with BODY {"mass_kg", "com_m", "inertia_kg_m2": [xx, yy, zz, xy, xz,
    *                     yz], about com_m}; all in the main body's frame, with the hinges at angle 0
+   *   client            {"id", "place" (from 0) and "of": which of the clients on the vehicle this board is}
    *   protocol          {"name", "framing": {"type", "check", "sync", "length"}, "world", "body", "messages": [{"name",
    *                     "role", "from", "line", "id": {"type", "byte_order", "bits"}, "reply", "starts", "period_ns",
    *                     "fields": [{"signal", "type", "byte_order", "scale", "min", "max", "as"}, ...]}, ...]}; the id is

@@ -75,7 +75,7 @@ BootTime Wire::Transmit(BootTime now, std::span<const std::uint8_t> bytes) {
     }
     open_.bytes.insert(open_.bytes.end(), bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size));
     open_end_ns_ = transmitter_free_ns_;
-    if (closed) SendOpenChunk(now);
+    if (closed) SendOpenChunk(now + config_.least_latency_ns);
     bytes = bytes.subspan(size);
   }
   return transmitter_free_ns_;

@@ -40,6 +40,8 @@ struct WireConfig {
   // The bytes that the buffer of an adapter has room for. It is passed on when it is full, and
   // adapter_latency_ns after its first byte. 0: there is no buffer.
   std::int64_t adapter_bytes_count = 0;
+  // Nothing of what is given to the transmitter arrives sooner than this, whatever faults have removed before it.
+  TimeNs least_latency_ns = 0;
   // With seven data bits a byte loses its top bit, wherever it comes from.
   CharacterFormat character = {};
 };

@@ -54,6 +54,7 @@ TimeNs LqrApplication::Start(TimeNs now) {
 }
 
 void LqrApplication::Receive(Uart uart, std::span<const std::uint8_t> bytes) {
+  if (uart > Uart::kReference) return;  // from another board
   const bool is_main = uart == Uart::kMain;
   link::FrameReader& reader = is_main ? *reader_ : *reference_reader_;
   link::Message message;

@@ -48,6 +48,8 @@ class TolerantControl {
     supervisor_.On(follows ? SupervisorEvent::kReferenceFollowed : SupervisorEvent::kReferenceHeld);
   }
   const Status& status() const { return supervisor_.status(); }
+  const Integrals& integrals() const { return law_.integrals(); }
+  void SetIntegrals(const Integrals& integrals) { law_.SetIntegrals(integrals); }
   const ActuatorMonitor& actuator_monitor() const { return actuator_monitor_; }
   bool descends() const { return descent_.begun(); }
 

@@ -59,6 +59,52 @@ std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client
   }
 }
 
+// Lines between boards that the clients cannot have.
+void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec>& clients, bool realtime,
+                          std::vector<Problem>& problems) {
+  for (std::size_t line = 0; line < scenario.lines.size(); ++line) {
+    const LineEntry& entry = scenario.lines[line];
+    const auto complain = [&](const std::string& why) {
+      const std::string& place =
+          line < scenario.line_places.size() ? scenario.line_places[line] : scenario.name;
+      const std::string text = fmt::format("lines: '{}': {}", entry.id, why);
+      problems.push_back({fmt::format("{}: {}", place, text), text});
+    };
+    if (realtime) {
+      complain(
+          "lines between boards have virtual time only, because no node carries them in real time; fly it in "
+          "lockstep");
+      continue;
+    }
+    for (const std::string& id : entry.between) {
+      const ClientSpec& client = clients.at(scenario.FindClient(id).value());
+      const auto* image = std::get_if<EmulatedImage>(&client);
+      const auto* program = std::get_if<LockstepProgram>(&client);
+      if (image != nullptr && !image->line_usarts.contains(entry.id))
+        complain(fmt::format("the image of client '{}' has no USART for it: add ,{}=usartN to --client", id,
+                             entry.id));
+      if (program != nullptr && program->clocked)
+        complain(
+            fmt::format("client '{}' is a program under a virtual clock, which has two ports only; use "
+                        "program:CMD or a library",
+                        id));
+    }
+  }
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    const auto* image = std::get_if<EmulatedImage>(&clients[i]);
+    if (image == nullptr) continue;
+    const std::vector<LineEndId> ends = scenario.line_ends_of(i);
+    for (const auto& [line, usart] : image->line_usarts)
+      if (std::none_of(ends.begin(), ends.end(),
+                       [&](const LineEndId& end) { return scenario.lines[end.line].id == line; })) {
+        const std::string why =
+            fmt::format("--client {}: the client '{}' has no line '{}' in the scenario {}",
+                        ToText(clients[i]), scenario.client_id(i), line, scenario.name);
+        problems.push_back({why, why});
+      }
+  }
+}
+
 // Adds those of the scenario. Throws UsageError for one that the user named on the command line.
 void FindUnwatchable(const Scenario& scenario, const ClientSpec& client, const std::filesystem::path& image,
                      bool realtime, std::vector<Problem>& problems) {
@@ -266,6 +312,7 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
     std::vector<ClientAbilities> abilities;
     for (const ClientSpec& client : clients) abilities.push_back(AbilitiesOf(client, means.realtime));
     std::vector<Problem> problems = UnsupportedFaults(scenario, abilities);
+    FindUnconnectedLines(scenario, clients, means.realtime, problems);
     FindUnusedGain(scenario, clients, problems);
     for (std::size_t i = 0; i < clients.size(); ++i) {
       std::filesystem::path file;

@@ -26,16 +26,31 @@ std::optional<Scenario> ScenarioBeside(const std::filesystem::path& file) {
   }
 }
 
-// Ids of the clients in the log's records. The scenario has their names; without it their numbers are shown.
-std::vector<std::string> ClientIds(const LinkLog& log, const std::optional<Scenario>& scenario) {
+// Ids of the clients and lines in the log's records. The scenario has their names; without it their numbers are shown.
+std::vector<std::string> OwnerIds(const LinkLog& log, const std::optional<Scenario>& scenario) {
   std::size_t count = 1;
   std::size_t offset = 0;
   while (const auto record = log.Next(offset)) count = std::max(count, record->wire.client + 1);
   std::vector<std::string> ids;
   for (std::size_t i = 0; i < count; ++i) ids.push_back(std::to_string(i));
   if (count == 1 || !scenario) return ids;
-  for (std::size_t i = 0; i < std::min(count, scenario->client_count()); ++i) ids[i] = scenario->client_id(i);
+  const std::size_t known = scenario->client_count() + scenario->lines.size();
+  for (std::size_t i = 0; i < std::min(count, known); ++i) ids[i] = scenario->wire_owner_id(i);
   return ids;
+}
+
+// The line between boards of such a wire; null: it is of a client's line, or the log was moved.
+const LineEntry* LineOf(const std::optional<Scenario>& scenario, std::size_t owner) {
+  if (!scenario || owner < scenario->client_count()) return nullptr;
+  const std::size_t line = owner - scenario->client_count();
+  return line < scenario->lines.size() ? &scenario->lines[line] : nullptr;
+}
+
+// "to_plant"; of a line between boards "to_a", for the client at its end.
+std::string DirectionText(const std::optional<Scenario>& scenario, const WireId& wire) {
+  const LineEntry* line = LineOf(scenario, wire.client);
+  if (line == nullptr) return std::string(Name(wire.direction));
+  return "to_" + line->between.at(wire.direction == link::Direction::kToClient ? 0 : 1);
 }
 
 // One line a decoded frame or rejection: time of the record that completed it, direction, side, status, and
@@ -58,23 +73,25 @@ std::string MeaningOf(const link::Protocol* protocol, link::Direction direction,
   return floats;
 }
 
-int LinkDumpCommand(const LinkDumpOptions& options) {
-  const std::filesystem::path& file = options.file;
+LinkLog ReadLog(const std::filesystem::path& file) {
   std::string content;
   try {
     content = ReadFile(file);
   } catch (const FileError& error) {
     throw UsageError(error.what());
   }
-  LinkLog log;
   try {
-    log = LinkLog({content.begin(), content.end()});
+    return LinkLog({content.begin(), content.end()});
   } catch (const std::exception& error) {
     throw UsageError(fmt::format("{}: {}", file.string(), error.what()));
   }
+}
 
+int LinkDumpCommand(const LinkDumpOptions& options) {
+  const std::filesystem::path& file = options.file;
+  const LinkLog log = ReadLog(file);
   const std::optional<Scenario> scenario = ScenarioBeside(file);
-  const std::vector<std::string> ids = ClientIds(log, scenario);
+  const std::vector<std::string> ids = OwnerIds(log, scenario);
   const std::shared_ptr<const link::Protocol> protocol = !options.protocol.empty()
                                                              ? ReadProtocolFlag(options.protocol)
                                                          : scenario ? scenario->link.protocol
@@ -84,15 +101,25 @@ int LinkDumpCommand(const LinkDumpOptions& options) {
   // Sent and delivered bytes are two streams in each direction of each client.
   std::vector<std::array<std::array<std::unique_ptr<link::FrameReader>, 2>, link::kDirectionCount>> readers(
       ids.size());
-  for (auto& client : readers)
-    for (auto& direction : client)
-      for (auto& side : direction) side = framing.MakeReader();
+  const auto protocol_of = [&](std::size_t owner) {
+    const LineEntry* line = LineOf(scenario, owner);
+    return line == nullptr ? protocol.get() : line->protocol.get();
+  };
+  // Bytes as they are: the log's records are all that is known of them.
+  const auto is_raw = [&](std::size_t owner) {
+    return LineOf(scenario, owner) != nullptr && protocol_of(owner) == nullptr;
+  };
+  for (std::size_t owner = 0; owner < readers.size(); ++owner)
+    for (auto& direction : readers[owner])
+      for (auto& side : direction)
+        side = (LineOf(scenario, owner) == nullptr || is_raw(owner) ? framing : *protocol_of(owner)->framing)
+                   .MakeReader();
   const auto print = [&](TimeNs time_ns, std::size_t client, std::size_t direction, bool delivered,
                          const link::FrameReading& read) {
-    const std::string meaning =
-        read.ok ? MeaningOf(protocol.get(), static_cast<link::Direction>(direction), read.payload) : "";
+    const auto way = static_cast<link::Direction>(direction);
+    const std::string meaning = read.ok ? MeaningOf(protocol_of(client), way, read.payload) : "";
     Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}{}{}\n", ToSeconds(time_ns),
-          ids.size() > 1 ? ids[client] + " " : "", Name(static_cast<link::Direction>(direction)),
+          ids.size() > 1 ? ids[client] + " " : "", DirectionText(scenario, {client, way}),
           delivered ? "delivered" : "sent", read.status, read.payload.size(),
           fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  = ", meaning);
   };
@@ -103,10 +130,11 @@ int LinkDumpCommand(const LinkDumpOptions& options) {
   while (const auto record = log.NextOfAll(offset)) {
     const std::size_t client = record->wire.client;
     const auto direction = static_cast<std::size_t>(record->wire.direction);
-    if (record->passed_on) {
-      Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}\n", ToSeconds(record->begin_ns),
-            ids.size() > 1 ? ids[client] + " " : "", Name(record->wire.direction), "passed_on", "-",
-            record->bytes.size(), fmt::format("{:02x}", fmt::join(record->bytes, "")));
+    if (record->passed_on || is_raw(client)) {
+      const char* side = record->passed_on ? "passed_on" : record->delivered ? "delivered" : "sent";
+      Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {:02x}\n", ToSeconds(record->begin_ns),
+            ids.size() > 1 ? ids[client] + " " : "", DirectionText(scenario, record->wire), side,
+            record->passed_on ? "-" : "bytes", record->bytes.size(), fmt::join(record->bytes, ""));
       continue;
     }
     auto bytes = record->bytes;

@@ -18,8 +18,8 @@
 namespace tiltproof::harness {
 
 // The builds of the shipped firmware.
-inline constexpr std::array<std::string_view, 4> kShippedBuilds = {"paper", "paper_published", "tolerant",
-                                                                   "lqr"};
+inline constexpr std::array<std::string_view, 6> kShippedBuilds = {"paper",    "paper_published", "tolerant",
+                                                                   "failover", "triplex",         "lqr"};
 
 // Throws UsageError, with the nearest name, for a build (of the flag --firmware) that is not among them.
 void CheckBuild(const std::string& build);

@@ -20,7 +20,11 @@
 
 namespace tiltproof::harness {
 
-enum class Uart : std::uint8_t { kMain = 0, kReference = 1 };
+// From kFirstLine on: the lines to other boards (Scenario::line_ends_of()).
+enum class Uart : std::uint8_t { kMain = 0, kReference = 1, kFirstLine = 2 };
+constexpr Uart LineUart(std::size_t line_end) {
+  return static_cast<Uart>(static_cast<std::size_t>(Uart::kFirstLine) + line_end);
+}
 
 struct ClientStatus {
   std::uint32_t supervisor_state = 0;

@@ -98,7 +98,13 @@ class EmulatorClient final : public Client {
         start_within_ns_(start_within_ns),
         break_at_ns_(break_at_ns),
         host_(std::move(host)),
-        rated_{RatedLine(lines.main), RatedLine(lines.reference)} {
+        rated_{RatedLine(lines.main), RatedLine(lines.reference)},
+        overruns_{OverrunRows("main"), OverrunRows("reference")} {
+    for (const auto& [id, rate] : lines.between) {
+      rated_.emplace_back(rate);
+      overruns_.emplace_back(id);
+    }
+    troubles_.resize(rated_.size());
     for (const auto& file : {spec.image, spec.plugin})
       if (!std::filesystem::is_regular_file(file))
         throw std::runtime_error(fmt::format("no such file: {}", file));
@@ -123,7 +129,7 @@ class EmulatorClient final : public Client {
                std::span<const faults::ReceiveMark> marks) override {
     RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
     const link::LineRate& line = rated.line();
-    const auto usart = uart == Uart::kMain ? lockstep::Usart::kMain : lockstep::Usart::kReference;
+    const lockstep::Usart usart = UsartOf(uart);
     if (rated.DamagesReceived()) {
       for (std::size_t i = 0; i < bytes.size(); ++i) {
         const auto left = static_cast<std::int64_t>(bytes.size() - i);
@@ -154,9 +160,9 @@ class EmulatorClient final : public Client {
       const TimeNs until = clock_.At(horizon);
       DeliverDamaged(until);
       if (until < now_) return clock_.When(now_);  // it ran on while there was no answer yet
-      const lockstep::Stopped stopped =
-          board_->Run({until, AnswerAfter(), spec_.gdb_port == 0 ? limits_.LeftForTurn() : 0},
-                      [this](const EmulatorMessage& message) { OnMessage(message); });
+      const lockstep::Stopped stopped = board_->Run(
+          {until, AnswerAfter(), LineAnswerAfter(), spec_.gdb_port == 0 ? limits_.LeftForTurn() : 0},
+          [this](const EmulatorMessage& message) { OnMessage(message); });
       now_ = stopped.at_ns;
       last_active_ = std::max(last_active_, stopped.last_slept_ns);
       if (stopped.locked_up) ThrowLockedUp(stopped.at_ns);
@@ -281,6 +287,25 @@ class EmulatorClient final : public Client {
     return lines_.main.BytesTime(2);
   }
 
+  // The same for a byte to another board, and that board's first byte: Wire's least latency holds with faults, too.
+  TimeNs LineAnswerAfter() const {
+    if (!started() || clock_.drifts()) return 0;
+    TimeNs after = kNever;
+    for (const auto& [id, rate] : lines_.between) after = std::min(after, rate.BytesTime(2));
+    return after;
+  }
+
+  // The rates' places are those of the UARTs.
+  static lockstep::Usart UsartOf(Uart uart) {
+    if (uart < Uart::kFirstLine) return static_cast<lockstep::Usart>(uart);
+    const int line = static_cast<int>(uart) - static_cast<int>(Uart::kFirstLine);
+    return static_cast<lockstep::Usart>(static_cast<int>(lockstep::Usart::kFirstLine) + line);
+  }
+  static Uart UartOf(lockstep::Usart usart) {
+    if (usart < lockstep::Usart::kFirstLine) return static_cast<Uart>(usart);
+    return LineUart(static_cast<std::size_t>(usart) - static_cast<std::size_t>(lockstep::Usart::kFirstLine));
+  }
+
   // As a user reads it: in the flight's time, once there is one.
   std::string TimeText(TimeNs at) {
     const BootTime time = clock_.When(at);
@@ -378,9 +403,8 @@ class EmulatorClient final : public Client {
     if (bytes.empty()) return;
     last_active_ = std::max(last_active_, bytes.back().at_ns);
     if (bytes.front().usart == lockstep::Usart::kConsole) return OnConsole(bytes);
-    const bool main = bytes.front().usart == lockstep::Usart::kMain;
-    const Uart uart = main ? Uart::kMain : Uart::kReference;
-    RatedLine& rated = rated_[static_cast<std::size_t>(uart)];
+    const Uart uart = UartOf(bytes.front().usart);
+    RatedLine& rated = rated_.at(static_cast<std::size_t>(uart));
     // A byte that is written while the transmitter is busy with those before it leaves right after them: one call for
     // all of these says the same as one for each.
     for (std::size_t first = 0, end = 0; first < bytes.size(); first = end) {
@@ -396,15 +420,20 @@ class EmulatorClient final : public Client {
 
   void OnRegisters(const lockstep::UsartRegisters& registers) {
     if (registers.usart == lockstep::Usart::kConsole) return;
-    const bool main = registers.usart == lockstep::Usart::kMain;
-    const int number = main ? spec_.main_usart : spec_.reference_usart;
-    RatedLine& rated = rated_[main ? 0 : 1];
+    const auto place = static_cast<std::size_t>(UartOf(registers.usart));
+    const bool is_line = registers.usart >= lockstep::Usart::kFirstLine;
+    const int number = is_line      ? spec_.line_usarts.at(place - 2)
+                       : place == 0 ? spec_.main_usart
+                                    : spec_.reference_usart;
+    RatedLine& rated = rated_.at(place);
     rated.Program(RateOf(registers.clock_hz, registers.brr, registers.cr1, registers.cr3),
                   FormatOf(registers.cr1, registers.cr2));
     constexpr std::uint32_t kOn = 1U << 13;
     if ((registers.cr1 & kOn) == 0) return;
-    const std::string trouble = rated.Trouble(main ? "main" : "reference");
-    if (!trouble.empty() && std::exchange(troubles_[main ? 0 : 1], trouble) != trouble)
+    const std::string trouble = rated.Trouble(is_line      ? lines_.between[place - 2].id
+                                              : place == 0 ? "main"
+                                                           : "reference");
+    if (!trouble.empty() && std::exchange(troubles_[place], trouble) != trouble)
       host_.event({.time_ns = clock_.When(last_active_),
                    .fault = std::nullopt,
                    .kind = kLineTroubleEvent,
@@ -413,18 +442,18 @@ class EmulatorClient final : public Client {
 
   // Transmits the bytes that other rates make of those sent, once this is certain.
   void TransmitDamaged(TimeNs until) {
-    for (const Uart uart : {Uart::kMain, Uart::kReference})
-      for (const LineSampler::Received& received :
-           rated_[static_cast<std::size_t>(uart)].TakeTransmitted(until)) {
+    for (std::size_t place = 0; place < rated_.size(); ++place)
+      for (const LineSampler::Received& received : rated_[place].TakeTransmitted(until)) {
         // As a terminal hands over a byte whose stop bit is missing (termios(3), without IGNPAR and PARMRK).
         const auto seen = static_cast<std::uint8_t>(received.framing_error ? 0 : received.word);
-        host_.transmit(uart, clock_.When(received.begin_ns), std::span(&seen, 1));
+        host_.transmit(static_cast<Uart>(place), clock_.When(received.begin_ns), std::span(&seen, 1));
       }
   }
   void DeliverDamaged(TimeNs until) {
-    for (const auto usart : {lockstep::Usart::kMain, lockstep::Usart::kReference}) {
+    for (std::size_t place = 0; place < rated_.size(); ++place) {
+      const lockstep::Usart usart = UsartOf(static_cast<Uart>(place));
       received_.clear();
-      RatedLine& rated = rated_[static_cast<std::size_t>(usart)];
+      RatedLine& rated = rated_[place];
       const TimeNs byte_ns = rated.line().BytesTime(1);
       // A byte that is still on its way is not known: all is seen one byte time later.
       for (const LineSampler::Received& received : rated.TakeReceived(until - byte_ns))
@@ -495,8 +524,8 @@ class EmulatorClient final : public Client {
         break;
       case lockstep::EventKind::kOverrun:
         if (auto row =
-                overruns_[event.value == static_cast<std::uint32_t>(lockstep::Usart::kMain) ? 0 : 1].Take(
-                    out.time_ns))
+                overruns_.at(static_cast<std::size_t>(UartOf(static_cast<lockstep::Usart>(event.value))))
+                    .Take(out.time_ns))
           host_.event(*row);
         return;
     }
@@ -517,8 +546,8 @@ class EmulatorClient final : public Client {
   TimeNs start_within_ns_;
   std::optional<TimeNs> break_at_ns_;
   ClientHost host_;
-  std::array<RatedLine, 2> rated_;       // by Uart
-  std::array<std::string, 2> troubles_;  // told of them
+  std::vector<RatedLine> rated_;       // by Uart
+  std::vector<std::string> troubles_;  // told of them
   EmulatorLimits limits_;
   UnmodelledBlocks unmodelled_;
   std::optional<ElfSymbols> symbols_;
@@ -531,7 +560,7 @@ class EmulatorClient final : public Client {
   std::deque<DeviceEvent> drifts_;  // to be told when they begin, in order
   std::vector<lockstep::ReceivedByte> received_;
   std::vector<std::uint8_t> transmitted_;
-  std::array<OverrunRows, 2> overruns_ = {OverrunRows("main"), OverrunRows("reference")};
+  std::vector<OverrunRows> overruns_;  // by Uart
   std::string console_;
   std::optional<std::string> last_words_;  // of a firmware that is being reset by itself
   TimeNs now_ = 0;                         // virtual time

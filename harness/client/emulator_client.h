@@ -14,6 +14,12 @@ namespace tiltproof::harness {
 
 struct EmulatorLines {
   link::LineRate main, reference;
+  // To other boards, the UARTs from 2 on: the line's id, and its rate.
+  struct Between {
+    std::string id;
+    link::LineRate rate;
+  };
+  std::vector<Between> between = {};
   bool faulty = false;  // there are faults that change what passes, or when
 };
 

@@ -2,7 +2,7 @@
 // often it may reset itself, and which clocks it may set.
 //
 //   EmulatorLimits limits;
-//   const lockstep::Run run{until, answer_after, limits.LeftForTurn()};
+//   const lockstep::Run run{until, answer_after, answer_after, limits.LeftForTurn()};
 //   board.Run(run, on_message);                            // calls OnReset(), OnBrokenLimit()
 //   if (!limits.Broken(time_text).empty()) throw ...;
 //   if (limits.CostsTooMuch(now, board.ProcessorTime())) throw ...;

@@ -109,8 +109,7 @@ class LibraryClient final : public CalledClient {
     interface_.context = this;
     interface_.transmit = [](void* context, int uart, std::int64_t now_ns, const std::uint8_t* bytes,
                              std::size_t count) {
-      if ((uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) || bytes == nullptr || count == 0)
-        return now_ns;
+      if (uart < 0 || uart > 0xFF || bytes == nullptr || count == 0) return now_ns;
       if (!FirmwareGuard::IsGuardedThread()) {
         FirmwareGuard::NoteForeignCallBack("host->transmit");
         return now_ns;

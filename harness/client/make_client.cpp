@@ -1,5 +1,7 @@
 #include "harness/client/make_client.h"
 
+#include <fmt/format.h>
+
 #include <stdexcept>
 #include <utility>
 
@@ -14,8 +16,15 @@ namespace tiltproof::harness {
 
 namespace {
 
+std::vector<link::LineRate> UartsOf(const EmulatorLines& lines) {
+  std::vector<link::LineRate> uarts = {lines.main, lines.reference};
+  for (const auto& [id, rate] : lines.between) uarts.push_back(rate);
+  return uarts;
+}
+
 ProgramSpec SpecOf(const LockstepProgram& program, const ClientSettings& settings) {
   ProgramSpec spec = {.name = ToText(program), .command = program.command};
+  spec.uart_count = static_cast<int>(UartsOf(settings.lines).size());
   if (!program.clocked) return spec;
   const SerialProgram serial = {.command = program.command,
                                 .port = kClockedPort,
@@ -38,6 +47,13 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
                                    ClientHost host) {
   if (const auto* image = std::get_if<EmulatedImage>(&client)) {
     EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
+    for (const auto& [id, rate] : settings.lines.between) {
+      const auto usart = image->line_usarts.find(id);
+      if (usart == image->line_usarts.end())
+        throw std::runtime_error(
+            fmt::format("{}: the line '{}' has no USART: add ,{}=usartN", ToText(client), id, id));
+      board.line_usarts.push_back(usart->second);
+    }
     if (settings.debug) board.gdb_port = settings.debug->port;
     board.halted = settings.debug && !settings.debug->at_ns;
     board.coverage = settings.coverage;
@@ -55,7 +71,7 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
   }
   if (const auto* program = std::get_if<LockstepProgram>(&client))
     return StartProgramClient(SpecOf(*program, settings),
-                              {.uarts = {settings.lines.main, settings.lines.reference},
+                              {.uarts = UartsOf(settings.lines),
                                .firmware = settings.firmware,
                                .dialect = DialectOf(*settings.protocol),
                                .parameters = settings.parameters ? settings.parameters() : "{}"},

@@ -32,9 +32,11 @@ struct ClientSettings {
 
 // The build that flies any vehicle with a gain of its own.
 inline constexpr std::string_view kLqrBuild = "lqr";
-// True for a library that gets parameters. The shipped builds for the tilt-rotor hold their own numbers.
+// The build of which two boards fly one vehicle: it asks which of them it is.
+inline constexpr std::string_view kFailoverBuild = "failover";
+// True for a library that gets parameters. The other shipped builds for the tilt-rotor hold their own numbers.
 inline bool TakesParameters(const HostLibrary& library, const std::string& firmware) {
-  return !library.file.empty() || firmware == kLqrBuild;
+  return !library.file.empty() || firmware == kLqrBuild || firmware == kFailoverBuild;
 }
 
 // Throws std::runtime_error that says what is wrong with the client or its file. For a library, a FirmwareGuard is

@@ -21,7 +21,7 @@
 namespace tiltproof::harness {
 
 struct ProgramHello {
-  std::vector<link::LineRate> uarts;  // main line, reference line
+  std::vector<link::LineRate> uarts;  // main line, reference line, lines to other boards
   std::string firmware, dialect, parameters;
 };
 

@@ -89,7 +89,7 @@ class Listener {
 }  // namespace
 
 ProgramProcess::ProgramProcess(const ProgramSpec& spec, OnLine on_line)
-    : name_(spec.name), clocked_(spec.clocked), on_line_(std::move(on_line)) {
+    : name_(spec.name), clocked_(spec.clocked), on_line_(std::move(on_line)), reader_(spec.uart_count) {
   AdoptOrphans();
   const Listener listener;
   std::array<int, 2> ends{};

@@ -32,6 +32,7 @@ struct ProgramSpec {
   std::vector<std::pair<std::string, std::string>> environment = {};  // added to ours
   // The preloaded clock connects, not the program, which a reset starts again.
   bool clocked = false;
+  int uart_count = 2;  // on which it may send
 };
 
 class ProgramProcess {

@@ -31,10 +31,13 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec) {
   std::vector<std::string> command = {
       "qemu-system-arm", "-M",   "netduinoplus2", "-display", "none",
       "-monitor",        "none", "-nodefaults",   "-icount",  "shift=3,sleep=off"};
+  std::string lines;
+  for (std::size_t i = 0; i < spec.line_usarts.size(); ++i)
+    lines += ",line" + std::to_string(i) + "=" + std::to_string(spec.line_usarts[i]);
   const auto plugin = PluginArguments(
       spec, "socket=3,barrier=" + FrameEndText(spec.frame_end) + ",main=" + std::to_string(spec.main_usart) +
-                ",reference=" + std::to_string(spec.reference_usart) +
-                ",console=" + std::to_string(spec.console_usart) + (spec.ideal_lines ? ",ideal=on" : "") +
+                ",reference=" + std::to_string(spec.reference_usart) + ",console=" +
+                std::to_string(spec.console_usart) + lines + (spec.ideal_lines ? ",ideal=on" : "") +
                 (spec.coverage ? ",coverage=4" : "") + (spec.gdb_port != 0 ? ",debugged=on" : ""));
   command.insert(command.end(), plugin.begin(), plugin.end());
   if (spec.gdb_port != 0)

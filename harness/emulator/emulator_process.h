@@ -3,7 +3,7 @@
 //
 //   EmulatorProcess board({.image = "executive-paper.elf", .plugin = "tiltproof_lockstep.so"});
 //   board.Send(lockstep::Kind::kReceive, bytes);
-//   const lockstep::Stopped stopped = board.Run({12'000'000, 0, 0}, [](const EmulatorMessage& message) { ... });
+//   const lockstep::Stopped stopped = board.Run({12'000'000, 0, 0, 0}, [](const EmulatorMessage& message) { ... });
 //
 // An emulator that does not answer within kHungAfterNs of its own time (harness/process/own_time.h), or ends
 // by itself, causes EmulatorTrouble, with QEMU's last output. Times are virtual
@@ -36,6 +36,8 @@ struct EmulatorSpec {
   std::string plugin;  // the lockstep plug-in
   // Numbers of the USARTs (1 to 6); 0: none.
   int main_usart = 2, reference_usart = 3, console_usart = 1;
+  // The same of lines to other boards, in their order; at most lockstep::kLineUsartsMax.
+  std::vector<int> line_usarts = {};
   int hse_hz = 8'000'000;  // the crystal's; 0: there is none
   // The processor stops when it has sent such an end of a frame on the main line.
   link::FrameEnd frame_end = std::uint8_t{0};

@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 10;
+inline constexpr std::uint32_t kProtocolVersion = 11;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -50,9 +50,11 @@ struct Header {
   std::uint32_t body_bytes;
 };
 
-// The USARTs that are connected to the harness: those of the main and the reference line, and the console's.
-enum class Usart : std::uint8_t { kMain, kReference, kConsole };
-inline constexpr int kConnectedUsartCount = 3;
+// The USARTs that are connected to the harness: those of the main and the reference line, the console's, and those of the
+// lines to other boards.
+enum class Usart : std::uint8_t { kMain, kReference, kConsole, kFirstLine };
+inline constexpr int kLineUsartsMax = 3;
+inline constexpr int kConnectedUsartCount = static_cast<int>(Usart::kFirstLine) + kLineUsartsMax;
 
 // Condition in which the receiver gets a byte.
 enum class Mark : std::uint8_t { kNone, kOverrun, kFraming, kNoise, kParity };
@@ -131,6 +133,8 @@ struct Run {
   // Nothing that answers a frame reaches the firmware sooner than this after the firmware has given the frame's last
   // byte, the barrier, to its transmitter.
   std::int64_t answer_after_ns;
+  // The same of every byte that it gives to the transmitter of a line to another board.
+  std::int64_t line_answer_after_ns;
   // The processor stops when the emulator has computed for this long (processor time). 0: no limit.
   std::int64_t processor_ns;
 };

@@ -86,7 +86,7 @@ Flown Fly(const std::string& plugin, const std::string& image) {
   board.Send(lockstep::Kind::kStall, lockstep::Stall{7'500'000, 12'200'000, lockstep::ResetCause::kNone, 0});
   Flown flown;
   do {
-    const auto stopped = board.Run({20 * kTickNs, 0, 0}, [&](const EmulatorMessage& message) {
+    const auto stopped = board.Run({20 * kTickNs, 0, 0, 0}, [&](const EmulatorMessage& message) {
       if (message.kind != lockstep::Kind::kTransmit) return;
       for (const auto& byte : message.All<lockstep::TransmittedByte>())
         flown.sent.emplace_back(byte.at_ns, byte.byte);

@@ -17,7 +17,10 @@ std::string Cell(const std::string& text) {
 }
 
 std::string ClientOf(const RecordedFlight& flight, std::optional<std::size_t> client) {
-  return client && *client < flight.client_ids.size() ? Cell(flight.client_ids[*client]) : "";
+  const std::size_t count = flight.client_ids.size();
+  if (!client) return "";
+  // Lines between boards follow the clients (WireId).
+  return *client < count ? Cell(flight.client_ids[*client]) : fmt::format("lines[{}]", *client - count);
 }
 
 std::string ActivationsTable(const RecordedFlight& flight) {

@@ -132,7 +132,10 @@ class Export {
   }
 
   std::string ClientId(std::optional<std::size_t> client) const {
-    return client && *client < flight_.client_ids.size() ? flight_.client_ids[*client] : "";
+    const std::size_t count = flight_.client_ids.size();
+    if (!client) return "";
+    // Lines between boards follow the clients (WireId).
+    return *client < count ? flight_.client_ids[*client] : fmt::format("lines[{}]", *client - count);
   }
 
   // Everything but the rows of the trace.

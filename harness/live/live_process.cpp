@@ -333,7 +333,7 @@ Injections LiveProcess::TakeInjections() {
             if (answer.accepted) {
               json["id"] = answer.fault.id;
               json["type"] = answer.fault.type;
-              json["target"] = Name(answer.fault.target);
+              json["target"] = TargetText(answer.fault);
               json["begin_s"] = ToSeconds(answer.fault.start_ns);
               json["end_s"] = ToSeconds(answer.fault.end_ns == kNever ? kLongest : answer.fault.end_ns);
             } else {

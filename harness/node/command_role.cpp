@@ -36,7 +36,7 @@ class CommandRole final : public Role {
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
     place_ = ClientPlace(scenario_, client_id_);
-    parameters_ = ClientParameters(loaded.scenario, *loaded.model);
+    parameters_ = ClientParameters(loaded.scenario, *loaded.model, place_);
     return {};
   }
 

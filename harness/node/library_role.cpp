@@ -49,7 +49,7 @@ class LibraryRole final : public Role {
         .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
     std::function<std::string()> parameters;
     if (TakesParameters(std::get<HostLibrary>(firmware_), build))
-      parameters = [&loaded] { return ClientParameters(loaded.scenario, *loaded.model); };
+      parameters = [this, &loaded] { return ClientParameters(loaded.scenario, *loaded.model, place_); };
     try {
       client_ = LoadLibraryClient(FirmwareFile(firmware_, build, DialectOf(*scenario_.link.protocol)), build,
                                   DialectOf(*scenario_.link.protocol), host,
@@ -147,7 +147,7 @@ class LibraryRole final : public Role {
 
   // The bytes leave at once, and the line takes their time; the firmware is told when its UART would be done.
   BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
-    const auto& port = ports_[static_cast<std::size_t>(uart)];
+    const auto& port = ports_[static_cast<std::size_t>(Uart::kMain)];
     if (uart != Uart::kMain || stopped_ || !port) return now;
     port->Write(bytes);
     transmitter_free_ns_ =

@@ -16,6 +16,7 @@
 #include "link/check.h"
 #include "link/framing.h"
 #include "link/protocol.h"
+#include "link/raw_framing.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -82,7 +83,7 @@ Json ScenarioJson(const Scenario& scenario) {
   for (std::size_t i = 0; i < scenario.client_count(); ++i) json["clients"].push_back(scenario.client_id(i));
   json["faults"] = Json::array();
   for (const auto& fault : scenario.faults)
-    json["faults"].push_back({{"id", fault.id}, {"type", fault.type}, {"target", Name(fault.target)}});
+    json["faults"].push_back({{"id", fault.id}, {"type", fault.type}, {"target", TargetText(fault)}});
   json["criteria"] = Json::array();
   for (const CriterionSpec& criterion : scenario.criteria) {
     Json entry = {{"name", criterion.name}, {"stl", criterion.stl}, {"metric", criterion.metric}};
@@ -156,11 +157,28 @@ void PutMeaning(Json& json, const link::Protocol& protocol, link::Direction dire
   json["payload"] = Hex(read->payload);
 }
 
+// The line between boards of a wire; null: it is of a client's own line.
+const LineEntry* LineOf(const Scenario& scenario, const WireId& wire) {
+  const std::size_t line = wire.client - scenario.client_count();
+  return wire.client < scenario.client_count() || line >= scenario.lines.size() ? nullptr
+                                                                                : &scenario.lines[line];
+}
+
+// "to_plant"; of a line between boards "to_a", for the client at its end.
+std::string DirectionText(const WireId& wire, const LineEntry* line) {
+  if (line == nullptr) return std::string(Name(wire.direction));
+  return "to_" + line->between.at(wire.direction == link::Direction::kToClient ? 0 : 1);
+}
+
 Json FrameJson(const FlightView& view, const LineFrame& frame) {
-  const link::Protocol& protocol = *view.scenario.link.protocol;
-  Json json = {{"time_ns", frame.begin_ns}, {"direction", Name(frame.wire.direction)}};
+  const LineEntry* line = LineOf(view.scenario, frame.wire);
+  const link::Protocol& protocol = line == nullptr             ? *view.scenario.link.protocol
+                                   : line->protocol == nullptr ? *link::RawProtocol()
+                                                               : *line->protocol;
+  Json json = {{"time_ns", frame.begin_ns}, {"direction", DirectionText(frame.wire, line)}};
   if (view.scenario.has_several_clients() && frame.wire.client < view.scenario.client_count())
     json["client"] = view.scenario.client_id(frame.wire.client);
+  if (line != nullptr) json["client"] = line->id;
   json["fate"] = Name(frame.fate);
   if (!frame.sent.empty()) {
     json["sent"] = Hex(frame.sent);
@@ -253,9 +271,11 @@ void PutLineErrors(Json& json, const FlightView& view) {
   Json& errors = json["line_errors"] = Json::array();
   for (const LineFrame& frame : view.frames) {
     if (frame.fate == FrameFate::kIntact) continue;
+    const LineEntry* line = LineOf(view.scenario, frame.wire);
     if (++count <= static_cast<std::int64_t>(kLineErrorsMax))
-      errors.push_back(
-          {ToSeconds(frame.begin_ns), frame.wire.client, Name(frame.wire.direction), Name(frame.fate)});
+      errors.push_back({ToSeconds(frame.begin_ns), frame.wire.client,
+                        (line == nullptr ? "" : line->id + "_") + DirectionText(frame.wire, line),
+                        Name(frame.fate)});
   }
   json["line_error_count"] = count;
 }

@@ -29,10 +29,11 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                             Callbacks callbacks, bool grows)
+                             Callbacks callbacks, std::vector<LinePort> ports, bool grows)
     : scenario_(scenario),
       index_(client),
       line_(line),
+      ports_(std::move(ports)),
       callbacks_(std::move(callbacks)),
       faults_(ClientFaults(scenario, client, nullptr, grows)),
       records_(sink, client),
@@ -43,16 +44,7 @@ void ClientChannel::PowerOn(
     const std::function<std::unique_ptr<Client>(std::size_t client, ClientHost)>& make) {
   client_ = make(
       index_, {.transmit = [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) -> BootTime {
-                 // The reference line has no way back: what the client sends there ends at its pin.
-                 if (uart != Uart::kMain) {
-                   reference_talk_.Hear(bytes);
-                   return now;
-                 }
-                 const BootTime at = std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax);
-                 if (exists() && client_->RunsOn()) callbacks_.before_ahead(*this, at);
-                 const BootTime sent = line_.Transmit(Direction::kToPlant, at, bytes);
-                 callbacks_.on_news();
-                 return sent;
+                 return Transmit(uart, now, bytes);
                },
                .log =
                    [this](BootTime now, std::string_view text) {
@@ -64,10 +56,27 @@ void ClientChannel::PowerOn(
   wake_ns_ = client_->Start(BootTime());
 }
 
+BootTime ClientChannel::Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
+  // The reference line has no way back: what the client sends there ends at its pin.
+  if (uart == Uart::kReference) {
+    reference_talk_.Hear(bytes);
+    return now;
+  }
+  const std::size_t port = static_cast<std::size_t>(uart) - static_cast<std::size_t>(Uart::kFirstLine);
+  if (uart != Uart::kMain && port >= ports_.size()) return now;  // nothing is connected
+  const BootTime at = std::clamp(now, now_ns_, now_ns_ + kTransmitAheadMax);
+  if (exists() && client_->RunsOn()) callbacks_.before_ahead(*this, at);
+  const BootTime sent = uart == Uart::kMain ? line_.Transmit(Direction::kToPlant, at, bytes)
+                                            : ports_[port].line->Transmit(ports_[port].end, at, bytes);
+  callbacks_.on_news();
+  return sent;
+}
+
 BootTime ClientChannel::Next() const {
   BootTime next = wake_ns_;
   for (const Direction direction : {Direction::kToPlant, Direction::kToClient, Direction::kReference})
     next = std::min(next, line_.NextArrival(direction));
+  for (const LinePort& port : ports_) next = std::min(next, port.line->NextArrival(port.end));
   return next;
 }
 
@@ -87,6 +96,9 @@ void ClientChannel::BeginTurn(BootTime now) {
   // Without faults it is the firmware that sends, or asks for, more than the line carries.
   if (const auto& overfull = line_.overfull(); overfull && !overfull->by_faults)
     throw FirmwareTrouble(true, overfull->text);
+  for (const LinePort& port : ports_)
+    if (const auto& overfull = port.line->overfull(port.end); overfull && !overfull->by_faults)
+      throw FirmwareTrouble(true, overfull->text);
 }
 
 void ClientChannel::Command(Origin origin) {
@@ -121,6 +133,8 @@ void ClientChannel::Run(BootTime now, BootTime horizon) {
     // Its pins hear on, but nothing reads them.
     for (const Direction direction : {Direction::kReference, Direction::kToClient})
       while (line_.TakePiece(direction, now)) callbacks_.on_news();
+    for (const LinePort& port : ports_)
+      while (port.line->TakePiece(port.end, now)) callbacks_.on_news();
     return;
   }
   const bool runs_on = client_->RunsOn();
@@ -140,6 +154,11 @@ bool ClientChannel::Deliver(BootTime until) {
       client_->Receive(uart, piece->arrival_ns, piece->bytes, marks_);
     }
   }
+  for (std::size_t i = 0; i < ports_.size(); ++i)
+    while (const auto piece = ports_[i].line->TakePiece(ports_[i].end, until)) {
+      delivered = true;
+      client_->Receive(LineUart(i), piece->arrival_ns, piece->bytes, piece->marks);
+    }
   callbacks_.on_news();
   return delivered;
 }

@@ -20,6 +20,7 @@
 
 #include "faults/schedule.h"
 #include "harness/client/client.h"
+#include "harness/run/board_line.h"
 #include "harness/run/future.h"
 #include "harness/run/line.h"
 #include "harness/run/record_stream.h"
@@ -27,6 +28,12 @@
 #include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
+
+// The client's end of a line to another one.
+struct LinePort {
+  BoardLine* line = nullptr;
+  std::size_t end = 0;
+};
 
 // Commands of the scenario's faults to a client's board.
 std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std::size_t client);
@@ -39,15 +46,17 @@ class ClientChannel {
     std::function<void(const ClientChannel&, BootTime at)> before_ahead;
   };
 
-  // `client`: its place in the scenario. `sink`: gets the records of the client; the line has its own. `grows`: Add()
-  // will be called.
+  // `client`: its place in the scenario. `sink`: gets the records of the client; the lines have their own. `ports`: its
+  // UARTs from 2 on. `grows`: Add() will be called.
   ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                Callbacks callbacks, bool grows = false);
+                Callbacks callbacks, std::vector<LinePort> ports = {}, bool grows = false);
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
   Line& line() const { return line_; }
+  // The client has lines to others.
+  bool has_ports() const { return !ports_.empty(); }
   std::size_t index() const { return index_; }
   bool exists() const { return client_ != nullptr; }
   // It crashed or hung, and the flight goes on without it: only Run() and what concerns its line is called from then on.
@@ -89,11 +98,13 @@ class ClientChannel {
 
  private:
   bool Deliver(BootTime until);
+  BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes);
   void OnEvent(const DeviceEvent& event);
 
   const Scenario& scenario_;
   std::size_t index_;
   Line& line_;
+  std::vector<LinePort> ports_;
   Callbacks callbacks_;
   std::unique_ptr<Client> client_;
 

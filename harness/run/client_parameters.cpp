@@ -216,10 +216,12 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
   return fmt::format(
       "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
       " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"inputs\": {},\n \"gain\": {},\n"
-      " \"states\": {},\n \"geometry\": {},\n \"protocol\": {}}}\n",
+      " \"states\": {},\n \"geometry\": {},\n \"client\": {{\"id\": {}, \"place\": {}, \"of\": {}}},\n"
+      " \"protocol\": {}}}\n",
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
       SignalsText(scenario, model), InputsText(model), gain, StatesText(model), GeometryText(model),
+      Quoted(scenario.client_id(client)), client, scenario.client_count(),
       ProtocolText(*scenario.link.protocol));
 }
 

@@ -129,11 +129,13 @@ class Conductor final : private SteeredFlight {
   PlantServer& server_;
   Trajectory trajectory_;
   ReferenceFramer references_;
-  std::deque<ClientChannel> channels_;   // in the scenario's order
+  std::deque<BoardLine> board_lines_;    // in the scenario's order
+  std::deque<ClientChannel> channels_;   // likewise
   std::vector<ClientChannel*> in_turn_;  // the selected client's first
   AllCounts counts_;
   LogBuilder& log_;
   record::End end_;
+  TimeNs shortest_byte_ns_ = kNever;                // of the lines between boards
   const bool faults_wait_;                          // for each other, or for conditions
   std::vector<std::vector<std::uint8_t>> replies_;  // of the plant server, before they are sent
   std::vector<std::pair<std::size_t, std::vector<std::uint8_t>>> own_messages_;  // and their clients
@@ -164,13 +166,22 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)),
       steered_(steered),
       end_ns_(scenario.end_ns()) {
+  for (std::size_t line = 0; line < scenario.lines.size(); ++line)
+    board_lines_.emplace_back(scenario, line, log);
+  const auto ports_of = [&](std::size_t client) {
+    std::vector<LinePort> ports;
+    for (const LineEndId& id : scenario.line_ends_of(client))
+      ports.push_back({&board_lines_.at(id.line), id.end});
+    return ports;
+  };
   for (std::size_t client = 0; client < lines.size(); ++client)
     in_turn_.push_back(&channels_.emplace_back(
         scenario, client, *lines[client], log,
         ClientChannel::Callbacks{
             .on_news = [this] { ForwardEvents(); },
             .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }},
-        steered != nullptr));
+        ports_of(client), steered != nullptr));
+  for (const BoardLine& line : board_lines_) shortest_byte_ns_ = std::min(shortest_byte_ns_, line.ByteTime());
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
   roles_.resize(lines.size());
 }
@@ -295,6 +306,7 @@ void Conductor::Become(const Future& future) {
     cuts.push_back({faults::FaultEvent::Kind::kCut, fault, future.from_ns});
   server_.Hear(cuts);
   for (ClientChannel& channel : channels_) channel.Hear(cuts);
+  for (BoardLine& line : board_lines_) line.Hear(cuts);
   faults::Random::Redraw(future.draw);
 }
 
@@ -322,6 +334,12 @@ bool Conductor::EndsBefore(BootTime now) {
     End(EndReason::kLineOverfull, overfull->text);
     return true;
   }
+  for (const BoardLine& line : board_lines_)
+    for (const std::size_t end : {0, 1})
+      if (const auto& overfull = line.overfull(end); overfull && overfull->by_faults) {
+        End(EndReason::kLineOverfull, overfull->text);
+        return true;
+      }
   return false;
 }
 
@@ -352,6 +370,7 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
     ForwardEvents();
     if (was_started || !started()) continue;
     for (ClientChannel& other : channels_) other.line().SetOrigin(origin());
+    for (BoardLine& between : board_lines_) between.SetOrigin(origin());
     SendReference(arrival);
     SendOwn(arrival);
   }
@@ -377,6 +396,11 @@ BootTime Conductor::Horizon(const ClientChannel& channel, BootTime now) const {
       {next_reference_ns_, server_.state().next_send_ns, channel.line().NextArrival(Direction::kToPlant),
        now + scenario_.link.protocol->control_period_ns, std::max(EndTime(), now) + 1});
   if (!started()) horizon = std::min(horizon, std::max(HorizonBeforeStart(channel), now));
+  // A byte on a line between boards arrives one byte time after its client has acted, or later.
+  if (channel.has_ports())
+    for (const ClientChannel& other : channels_)
+      if (&other != &channel && !other.is_lost() && other.Next() != BootTime::Never())
+        horizon = std::min(horizon, std::max(other.Next(), now) + shortest_byte_ns_);
   Check(now <= horizon, "nothing that the client must know lies in its past");
   return horizon;
 }
@@ -406,14 +430,18 @@ void Conductor::ForwardEvents() {
   const std::vector<faults::FaultEvent> of_plant = server_.PollEvents();
   std::vector<std::pair<ClientChannel*, std::vector<faults::FaultEvent>>> of_channels;
   for (ClientChannel& channel : channels_) of_channels.emplace_back(&channel, channel.PollEvents());
-  for (const auto& [channel, events] : of_channels) {
-    server_.Hear(events);
-    for (ClientChannel& other : channels_) {
-      if (&other == channel) continue;
-      other.Hear(events);
-    }
-  }
-  for (ClientChannel& channel : channels_) channel.Hear(of_plant);
+  std::vector<std::pair<BoardLine*, std::vector<faults::FaultEvent>>> of_lines;
+  for (BoardLine& line : board_lines_) of_lines.emplace_back(&line, line.PollEvents());
+  const auto tell = [&](const std::vector<faults::FaultEvent>& events, const void* origin, bool plant) {
+    if (plant) server_.Hear(events);
+    for (ClientChannel& other : channels_)
+      if (&other != origin) other.Hear(events);
+    for (BoardLine& other : board_lines_)
+      if (&other != origin) other.Hear(events);
+  };
+  for (const auto& [channel, events] : of_channels) tell(events, channel, true);
+  for (const auto& [line, events] : of_lines) tell(events, line, true);
+  tell(of_plant, nullptr, false);
 }
 
 const AllCounts& Conductor::Counts() {
@@ -496,6 +524,7 @@ RunLog Conductor::Finish() {
   keep_going([&] { server_.WriteTotals(); });
   const BootTime end = state.origin.OrPowerOn().ToBootTime(end_ns);
   for (ClientChannel& channel : channels_) keep_going([&] { channel.line().Finish(end); });
+  for (BoardLine& line : board_lines_) line.Finish(end);
   log_.Write({end_ns, {}, std::move(end_)});
   return log_.Take();
 }
@@ -506,16 +535,20 @@ namespace {
 
 bool IsOnWire(const faults::FaultSpec& fault) {
   const faults::FaultType* type = faults::FindFaultType(fault.type);
-  return type == nullptr || type->IsOneOf<faults::WireKind>();
+  return fault.line.empty() && (type == nullptr || type->IsOneOf<faults::WireKind>());
 }
 
 }  // namespace
 
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
+  std::vector<EmulatorLines::Between> between;
+  for (const LineEndId& id : scenario.line_ends_of(client))
+    between.push_back({scenario.lines[id.line].id, scenario.lines[id.line].rate()});
   return {.firmware = scenario.firmware_of(client),
           .protocol = scenario.link.protocol,
           .lines = {.main = scenario.link.main_rate(),
                     .reference = scenario.link.reference_rate(),
+                    .between = between,
                     .faulty = std::any_of(scenario.faults.begin(), scenario.faults.end(), IsOnWire)},
           .start_within_ns = scenario.start_within_ns,
           .watch = scenario.watch};

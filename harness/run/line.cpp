@@ -15,6 +15,23 @@ constexpr std::size_t kRepliesMax = 50'000;
 
 }  // namespace
 
+Overfull OverfullOf(const std::string& where, const faults::FaultSchedule::Crowd& crowd,
+                    const std::vector<std::string>& fault_ids) {
+  Overfull overfull;
+  overfull.text = "more than " + std::to_string(link::kLineBytesMax >> 20) + " MiB wait on the " + where;
+  const auto name = [&](std::string_view deed, const std::vector<std::size_t>& faults) {
+    for (std::size_t i = 0; i < faults.size(); ++i)
+      overfull.text.append(i > 0 ? ", '" : (overfull.by_faults ? "; " : ": ") + std::string(deed) + " '")
+          .append(fault_ids[faults[i]])
+          .append("'");
+    overfull.by_faults = overfull.by_faults || !faults.empty();
+  };
+  name("multiplied by", crowd.multipliers);
+  name("held back by", crowd.holders);
+  if (!overfull.by_faults) overfull.text += ": more is sent than it carries";
+  return overfull;
+}
+
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals, bool grows) {
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
@@ -119,20 +136,7 @@ void LocalLine::SendBack(Direction direction, BootTime now) {
 
 void LocalLine::NoteOverfull(Direction direction) {
   if (overfull_ || !At(wires_, direction).overfull()) return;
-  Overfull& overfull = overfull_.emplace();
-  overfull.text = "more than " + std::to_string(link::kLineBytesMax >> 20) + " MiB wait on the line " +
-                  std::string(Name(direction));
-  const auto name = [&](std::string_view deed, const std::vector<std::size_t>& faults) {
-    for (std::size_t i = 0; i < faults.size(); ++i)
-      overfull.text.append(i > 0 ? ", '" : (overfull.by_faults ? "; " : ": ") + std::string(deed) + " '")
-          .append(fault_ids_[faults[i]])
-          .append("'");
-    overfull.by_faults = overfull.by_faults || !faults.empty();
-  };
-  const auto crowd = faults_.CrowdOf(direction);
-  name("multiplied by", crowd.multipliers);
-  name("held back by", crowd.holders);
-  if (!overfull.by_faults) overfull.text += ": more is sent than it carries";
+  overfull_ = OverfullOf("line " + std::string(Name(direction)), faults_.CrowdOf(direction), fault_ids_);
 }
 
 BootTime LocalLine::NextArrival(Direction direction) const { return At(wires_, direction).NextArrival(); }

@@ -39,6 +39,10 @@ struct Overfull {
   TILTPROOF_FIELDS(by_faults, text)
 };
 
+// `where`: "line to_plant".
+Overfull OverfullOf(const std::string& where, const faults::FaultSchedule::Crowd& crowd,
+                    const std::vector<std::string>& fault_ids);
+
 // The faults on a client's line, receiver and, where there are signals of the vehicle, samples.
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
                                    const VehicleSignals* signals = nullptr, bool grows = false);

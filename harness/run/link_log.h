@@ -3,8 +3,8 @@
 //
 // File format, little endian: the 8 bytes "TPLINK2\n", then records:
 //   int64  begin_ns   simulation time at which the first byte's start bit enters the wire
-//   uint8  client     its place among the scenario's clients
-//   uint8  direction  0 to_plant, 1 to_client, 2 reference
+//   uint8  client     its place among the scenario's clients; behind these, the lines between boards
+//   uint8  direction  0 to_plant, 1 to_client, 2 reference; of a line 0 to its second end, 1 to its first
 //   uint8  side       0 as sent, 1 as it went on after the faults, 2 as the buffer of an adapter passed it on at once
 //   uint16 size       number of bytes that follow
 //   bytes
@@ -28,9 +28,10 @@ inline constexpr std::string_view kLinkLogMagic = "TPLINK2\n";
 // Bytes as they were sent, as they went on after the faults, and as the buffer of an adapter passed them on.
 enum class ByteSide : std::uint8_t { kSent, kDelivered, kPassedOn };
 
-// Each client of a flight has three wires.
+// Each client of a flight has three wires. A line between boards has two, and its place follows those of the clients:
+// to_client is then the way to the first of its ends, to_plant that to the second.
 struct WireId {
-  std::size_t client = 0;  // its place among the scenario's clients
+  std::size_t client = 0;  // its place among the scenario's clients and lines
   link::Direction direction{};
   friend bool operator==(const WireId&, const WireId&) = default;
 };

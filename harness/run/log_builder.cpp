@@ -34,13 +34,19 @@ void ForEachRow(Trace& trace, const std::vector<std::pair<TimeNs, T>>& values, c
   }
 }
 
+bool IsKnown(const record::Bytes& bytes) {
+  return static_cast<std::size_t>(bytes.direction) < link::kDirectionCount &&
+         bytes.side <= ByteSide::kPassedOn;
+}
+
 }  // namespace
 
 LogBuilder::LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, RecordSink* observer)
     : scenario_(scenario),
       layout_(vehicle, scenario),
       observer_(observer),
-      clients_(scenario.client_count()) {
+      clients_(scenario.client_count()),
+      lines_(scenario.lines.size()) {
   log_.trace = Trace(layout_.columns);
   const TimeNs period_ns = scenario.link.protocol->control_period_ns;
   log_.trace.Reserve(
@@ -52,7 +58,15 @@ LogBuilder::LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, 
 }
 
 void LogBuilder::Write(const Record& record) {
-  if (record.client.value_or(0) >= clients_.size()) return;
+  const std::size_t owner = record.client.value_or(0);
+  if (owner >= clients_.size()) {
+    const auto* bytes = std::get_if<record::Bytes>(&record.body);
+    const bool is_line = owner - clients_.size() < lines_.size();
+    if (is_line && bytes != nullptr && IsKnown(*bytes))
+      lines_[owner - clients_.size()].Append(record.time_ns, bytes->bytes, {owner, bytes->direction},
+                                             bytes->side);
+    return;
+  }
   if (observer_ != nullptr) observer_->Write(record);
   std::visit([&](const auto& body) { Add(record, body); }, record.body);
 }
@@ -67,8 +81,7 @@ void LogBuilder::Add(const Record& /*of*/, const record::Row& row) {
 }
 
 void LogBuilder::Add(const Record& of, const record::Bytes& bytes) {
-  if (static_cast<std::size_t>(bytes.direction) >= link::kDirectionCount || bytes.side > ByteSide::kPassedOn)
-    return;
+  if (!IsKnown(bytes)) return;
   const std::size_t client = of.client.value_or(0);
   clients_[client].link.Append(of.time_ns, bytes.bytes, {client, bytes.direction}, bytes.side);
 }
@@ -241,6 +254,7 @@ RunLog LogBuilder::Take() {
   AddStates();
   AddLateness();
   for (PerClient& client : clients_) log_.link.Append(std::move(client.link));
+  for (LinkLog& line : lines_) log_.link.Append(std::move(line));
   SortByTime(log_.events);
   SortByTime(log_.activations);
   const link::Protocol& protocol = *scenario_.link.protocol;

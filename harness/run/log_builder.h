@@ -73,6 +73,7 @@ class LogBuilder final : public RecordSink {
   RecordSink* observer_;
   RunLog log_;
   std::vector<PerClient> clients_;
+  std::vector<LinkLog> lines_;  // between boards
   std::vector<std::pair<LateSpan, record::LateKind>> late_;
   OwnLateness by_firmware_;
 };

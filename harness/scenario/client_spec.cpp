@@ -18,8 +18,8 @@ constexpr std::array<ClientForm, 7> kForms = {{
     {"library:FILE", "a firmware built as a shared library (firmware/tiltproof_client.h)"},
     {"qemu[:ELF]",
      "an image for the STM32F4 on an emulated board; without one, or as qemu:executive or qemu:freertos, the "
-     "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), "
-     ",hse=HZ (the board's crystal, 8000000)"},
+     "shipped one. After an image: ,main=usartN ,reference=usartN ,console=usartN (2, 3 and 1), ,"
+     "LINE=usartN for each line to another board, ,hse=HZ (the board's crystal, 8000000)"},
     {"program:CMD", "a program in any language that flies in lockstep over a socket (docs/program.md)"},
     {"clocked:CMD",
      "a program with serial ports, {port}, {reference_port} and {baud} in CMD, unmodified under a virtual "
@@ -70,10 +70,20 @@ void ReadOption(std::string_view option, EmulatedImage& image) {
     image.*number = usart[5] - '0';
     return;
   }
-  throw ClientMistake(fmt::format(
-      "'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6, or hse=HZ (a "
-      "path with a comma cannot be given)",
-      option));
+  const std::string line(option.substr(0, equals));
+  const auto is_of_id = [](char c) {
+    return c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  };
+  if (valid && !line.empty() && std::all_of(line.begin(), line.end(), is_of_id)) {
+    if (!image.line_usarts.try_emplace(line, usart[5] - '0').second)
+      throw ClientMistake(fmt::format("the line '{}' has a USART already", line));
+    return;
+  }
+  throw ClientMistake(
+      fmt::format("'{}' is none of main=usartN, reference=usartN, console=usartN with N from 1 to 6, "
+                  "LINE=usartN for a line "
+                  "to another board, or hse=HZ (a path with a comma cannot be given)",
+                  option));
 }
 
 // Reads the text after "qemu:".
@@ -98,6 +108,12 @@ EmulatedImage ReadImage(std::string_view rest) {
     throw ClientMistake(
         fmt::format("main line, reference line and console need a USART each; they are on {}, {} and {}",
                     image.main_usart, image.reference_usart, image.console_usart));
+  std::map<int, std::string_view> taken;
+  for (const auto& [line, number] : kUsarts) taken.emplace(image.*number, line);
+  for (const auto& [line, number] : image.line_usarts)
+    if (const auto [other, is_new] = taken.try_emplace(number, line); !is_new)
+      throw ClientMistake(
+          fmt::format("{} and {} need a USART each; both are on {}", other->second, line, number));
   return image;
 }
 
@@ -161,6 +177,7 @@ std::string TextOf(const EmulatedImage& image) {
   std::string text = "qemu:" + (image.file.empty() ? image.scheduler : image.file);
   for (const auto& [line, number] : kUsarts)
     if (image.*number != EmulatedImage{}.*number) text += fmt::format(",{}=usart{}", line, image.*number);
+  for (const auto& [line, number] : image.line_usarts) text += fmt::format(",{}=usart{}", line, number);
   if (image.hse_hz != EmulatedImage{}.hse_hz) text += fmt::format(",hse={}", image.hse_hz);
   return text == "qemu:executive" ? "qemu" : text;
 }

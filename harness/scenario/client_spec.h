@@ -32,6 +32,7 @@ struct EmulatedImage {
   std::string file;                     // absolute; empty: the scenario's build of the shipped firmware,
   std::string scheduler = "executive";  // under this scheduler: executive or freertos
   int main_usart = 2, reference_usart = 3, console_usart = 1;  // 1 to 6, all different
+  std::map<std::string, int> line_usarts = {};                 // of lines to other boards, by the line's id
   int hse_hz = 8'000'000;  // the board's crystal, up to 50 MHz; 0: there is none
   friend bool operator==(const EmulatedImage&, const EmulatedImage&) = default;
 };

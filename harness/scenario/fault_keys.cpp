@@ -39,20 +39,34 @@ constexpr TextRule kSignalName = {"[A-Za-z][A-Za-z0-9_]*", "letters, digits and 
 // The registry says which word is wrong, and why.
 constexpr TextRule kFrameWords = {"", "", faults::kFrameWordsTextMax};
 
+// Targets, and lines between boards with their ends.
+constexpr TextRule kTargetRule = {"[A-Za-z0-9_]+", "letters, digits and '_'", 100};
+
 // For faults on the wire and at the receiver.
 void DescribeTarget(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   std::vector<Target> targets = faults::AcceptedTargets(type);
   std::erase(targets, Target::kNone);
   std::vector<std::string_view> words;
   for (const Target target : targets) words.push_back(Name(target));
-  const Target resolved = faults::ResolvedTarget(fault, type);
-  const auto found = std::find(targets.begin(), targets.end(), resolved);
-  std::optional<std::size_t> index;
-  if (found != targets.end()) index = static_cast<std::size_t>(found - targets.begin());
-  v.Choice({"target", "Line and direction on which the fault acts",
-            type.default_target() ? Presence::kOptional : Presence::kRequired},
-           words, index);
-  fault.target = targets[index.value_or(0)];
+  std::string text = fault.line.empty() ? "" : faults::TargetText(fault);
+  if (const Target resolved = faults::ResolvedTarget(fault, type);
+      fault.line.empty() && std::find(targets.begin(), targets.end(), resolved) != targets.end())
+    text = Name(resolved);
+  const std::string before = text;
+  v.WordOrName({"target",
+                "Line and direction on which the fault acts; a line between boards by its id, or one way as "
+                "ID_to_CLIENT",
+                type.default_target() ? Presence::kOptional : Presence::kRequired},
+               words, text, kTargetRule);
+  const auto found = std::find(words.begin(), words.end(), text);
+  if (text.empty() || found != words.end()) {
+    fault.target = targets[text.empty() ? 0 : static_cast<std::size_t>(found - words.begin())];
+    fault.line = fault.line_end = "";
+  } else if (text != before) {
+    fault.line = text;
+    fault.line_end = "";
+    fault.target = Target::kNone;  // until the scenario's lines are known
+  }
 }
 
 // A name of the protocol's; scenario_checks.h looks for it there.

@@ -1,5 +1,7 @@
 #include "harness/scenario/fault_support.h"
 
+#include <algorithm>
+
 #include "faults/registry.h"
 
 namespace tiltproof::harness {
@@ -85,6 +87,19 @@ std::optional<std::string> UnsupportedWaiting(const Scenario& scenario, const fa
 
 }  // namespace
 
+namespace {
+
+// The client's line, samples, board or receiver, or its end of a line between boards.
+bool IsOn(const Scenario& scenario, const faults::FaultSpec& fault, std::size_t client) {
+  const std::string id = scenario.client_id(client);
+  if (fault.line.empty()) return fault.client.empty() || fault.client == id;
+  if (!fault.line_end.empty()) return fault.line_end == id;
+  return std::ranges::any_of(scenario.line_ends_of(client),
+                             [&](const LineEndId& end) { return scenario.lines[end.line].id == fault.line; });
+}
+
+}  // namespace
+
 std::string FaultPlace(const Scenario& scenario, std::size_t fault) {
   const faults::FaultSpec& spec = scenario.faults[fault];
   const std::string place = fault < scenario.fault_places.size() ? scenario.fault_places[fault] + ": " : "";
@@ -96,9 +111,8 @@ std::vector<Problem> UnsupportedFaults(const Scenario& scenario,
   std::vector<Problem> problems;
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {
     const faults::FaultType* type = faults::FindFaultType(scenario.faults[i].type);
-    const std::string& whose = scenario.faults[i].client;
     for (std::size_t client = 0; type != nullptr && client < abilities.size(); ++client) {
-      if (!whose.empty() && whose != scenario.client_id(client)) continue;
+      if (!IsOn(scenario, scenario.faults[i], client)) continue;
       auto problem = Unsupported(scenario.faults[i], *type, abilities[client]);
       if (!problem) problem = UnsupportedWaiting(scenario, scenario.faults[i], abilities[client]);
       if (!problem) continue;

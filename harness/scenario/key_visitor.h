@@ -111,6 +111,10 @@ class KeyVisitor {
   // One of several words; nullopt represents a key that is absent.
   virtual void Choice(const Key& key, std::span<const std::string_view> words,
                       std::optional<std::size_t>& index) = 0;
+  // One of several words, or a name that only the rest of the file explains. An empty text represents a key that is
+  // absent.
+  virtual void WordOrName(const Key& key, std::span<const std::string_view> words, std::string& text,
+                          const TextRule& rule) = 0;
   // Bytes, written in decimal or as 0xAA; an empty list represents a key that is absent.
   virtual void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) = 0;
   // One of several words, or a mapping in which names that fit the rule have one word each.

@@ -102,6 +102,36 @@ void DescribeProtocolOf(KeyVisitor& v, std::shared_ptr<const link::Protocol>& pr
   if (auto found = link::FindProtocol(name)) protocol = std::move(found);
 }
 
+// The same for a line between boards, where no protocol is a choice, too.
+void DescribeProtocolOfLine(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
+  const auto shipped = ShippedProtocolNames();
+  std::vector<std::string_view> names = {kBytesAsTheyAre};
+  names.insert(names.end(), shipped.begin(), shipped.end());
+  const bool is_shipped =
+      protocol != nullptr && std::find(shipped.begin(), shipped.end(), protocol->name) != shipped.end();
+  std::string name = protocol == nullptr ? std::string(kBytesAsTheyAre) : is_shipped ? protocol->name : "";
+  v.NameOrSection({"protocol",
+                   "Where the line's frames end, for faults on frames: a protocol's name or file. `bytes`: "
+                   "nothing is known of them. `from: client` is then the first of `between`"},
+                  names, name, [&](KeyVisitor& w) {
+                    ProtocolSpec spec =
+                        protocol == nullptr || is_shipped ? ProtocolSpec() : SpecOf(*protocol);
+                    DescribeProtocol(w, spec);
+                  });
+  if (name == kBytesAsTheyAre)
+    protocol = nullptr;
+  else if (auto found = link::FindProtocol(name))
+    protocol = std::move(found);
+}
+
+void DescribeLine(KeyVisitor& v, LineEntry& line) {
+  v.Text({"id", "Unique in the scenario; the target of faults on it", Presence::kRequired}, line.id,
+         kClientRule);
+  v.Texts({"between", "Ids of the two clients at its ends", Presence::kRequired}, line.between, kClientRule);
+  v.Integer({"baud", "Bits per second; a byte takes 10 bits (8N1)"}, line.baud, {1200, 10e6});
+  DescribeProtocolOfLine(v, line.protocol);
+}
+
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
   v.Bool({"ideal", "Bytes take no time: an input computed from a sample is in force at once"}, link.ideal);
   v.Integer({"baud", "Bits per second of the main line; a byte takes 10 bits by default"}, link.baud,
@@ -216,7 +246,7 @@ void DescribeClient(KeyVisitor& v, ClientEntry& client) {
 }
 
 void DescribeFirmware(KeyVisitor& v, Scenario& s) {
-  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, or lqr for any vehicle"},
+  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, failover, triplex, or lqr for any vehicle"},
          s.firmware, kWord);
   v.Text({"gain",
           "The gain of the build lqr, and of a library that takes parameters: design, or a CSV file of "
@@ -319,6 +349,10 @@ void DescribeScenario(KeyVisitor& v, Scenario& s) {
   DescribeFirmware(v, s);
   ListOf(v, {"clients", "Several clients on the vehicle, each with its own lines; absent: one, `main`"},
          s.clients, DescribeClient);
+  ListOf(v,
+         {"lines",
+          "Serial lines between clients. In the order of this list they are a client's UARTs from 2 on"},
+         s.lines, DescribeLine);
   v.Section({"arbiter", "Which of several clients moves the vehicle"},
             [&](KeyVisitor& w) { DescribeArbiter(w, s.arbiter); });
   DescribeExpectation(v, s.expect);

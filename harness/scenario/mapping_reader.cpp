@@ -339,6 +339,17 @@ void MappingReader::Choice(const Key& key, std::span<const std::string_view> wor
   if (const auto place = ReadWord(written, *node, key, words)) index = place;
 }
 
+void MappingReader::WordOrName(const Key& key, std::span<const std::string_view> words, std::string& text,
+                               const TextRule& rule) {
+  const YamlNode* node = Take(key);
+  if (node == nullptr) return;
+  if (node->kind == YamlNode::Kind::kText) {
+    text = ReadText(key.name, *node, rule).value_or(text);
+  } else if (const auto word = ReadWord(key.name, *node, key, words)) {
+    text = words[*word];
+  }
+}
+
 void MappingReader::Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) {
   const YamlNode* node = Take(key);
   const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);

@@ -34,6 +34,8 @@ class MappingReader : public KeyVisitor {
   void Values(const Key& key, std::vector<NumberOrWord>& value) override;
   void Choice(const Key& key, std::span<const std::string_view> words,
               std::optional<std::size_t>& index) override;
+  void WordOrName(const Key& key, std::span<const std::string_view> words, std::string& text,
+                  const TextRule& rule) override;
   void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) override;
   void ChoiceByName(const Key& key, std::span<const std::string_view> words, NamedChoices& value,
                     const TextRule& name_rule) override;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "faults/random.h"
+#include "link/raw_framing.h"
 
 namespace tiltproof::harness {
 
@@ -69,6 +70,30 @@ const std::string& Scenario::firmware_of(std::size_t client) const {
 
 std::uint64_t Scenario::seed_of(std::size_t client) const {
   return has_several_clients() ? faults::StreamKey(seed, {"client", client_id(client)}) : seed;
+}
+
+std::uint64_t Scenario::seed_of_line(std::size_t line) const {
+  return faults::StreamKey(seed, {"line", lines.at(line).id});
+}
+
+std::vector<LineEndId> Scenario::line_ends_of(std::size_t client) const {
+  std::vector<LineEndId> ends;
+  const std::string id = client_id(client);
+  for (std::size_t line = 0; line < lines.size(); ++line)
+    for (std::size_t end = 0; end < lines[line].between.size(); ++end)
+      if (lines[line].between[end] == id) ends.push_back({line, end});
+  return ends;
+}
+
+const link::Protocol& Scenario::protocol_of(const faults::FaultSpec& fault) const {
+  if (fault.line.empty()) return *link.protocol;
+  for (const LineEntry& line : lines)
+    if (line.id == fault.line) return line.protocol == nullptr ? *link::RawProtocol() : *line.protocol;
+  return *link.protocol;
+}
+
+std::string Scenario::wire_owner_id(std::size_t place) const {
+  return place < client_count() ? client_id(place) : lines.at(place - client_count()).id;
 }
 
 std::optional<std::size_t> Scenario::FindClient(std::string_view id) const {

@@ -86,6 +86,27 @@ struct ClientEntry {
   friend bool operator==(const ClientEntry&, const ClientEntry&) = default;
 };
 inline constexpr std::size_t kClientsMax = 16;
+
+// A serial line between two clients, 8N1. It carries bytes as they are.
+struct LineEntry {
+  std::string id;
+  std::vector<std::string> between;  // the ids of its two ends
+  std::int64_t baud = LinkSpec::kDefaultBaud;
+  std::shared_ptr<const link::Protocol> protocol =
+      {};  // of the frames on it, for faults; null: nothing is known of them
+  link::LineRate rate() const { return {.baud = baud, .character = {}}; }
+  friend bool operator==(const LineEntry&, const LineEntry&) = default;
+};
+inline constexpr std::size_t kLinesMax = 64;
+inline constexpr std::string_view kBytesAsTheyAre = "bytes";  // the protocol of a line without
+
+// One end of such a line.
+struct LineEndId {
+  std::size_t line = 0;  // its place in the scenario
+  std::size_t end = 0;   // in `between`
+  friend bool operator==(const LineEndId&, const LineEndId&) = default;
+};
+
 inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
 
 // The way in which the commands of several clients become the vehicle's input: docs/redundancy.md.
@@ -171,12 +192,14 @@ struct Scenario {
       criterion_places;            // "file:line:column" of each formula or metric, when read from a file
   std::vector<std::string> watch;  // variables of the firmware's image
   std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
+  std::vector<std::string> line_places;   // "file:line:column" of each line's id, likewise
   // "file:line:column" of these keys, or of what stands for them, when read from a file.
   std::string reference_place, initial_place, arbiter_place;
   std::filesystem::path protocol_file;  // empty: the protocol is a shipped one, or in this file
 
   // As written; empty: one, whose id is kOnlyClient.
   std::vector<ClientEntry> clients;
+  std::vector<LineEntry> lines;  // between the clients
   ArbiterSpec arbiter;
 
   std::size_t client_count() const { return clients.empty() ? 1 : clients.size(); }
@@ -193,6 +216,14 @@ struct Scenario {
   // single: whose actuators are in force, and whose `start` is t = 0. primary_backup: the first in its order. Otherwise the
   // scenario's first client.
   std::size_t selected_client() const;
+  // Seed for the faults on this line between boards.
+  std::uint64_t seed_of_line(std::size_t line) const;
+  // The ends of lines at this client, in the order of `lines`: its UARTs from 2 on.
+  std::vector<LineEndId> line_ends_of(std::size_t client) const;
+  // Protocol of the frames on which the fault acts: that of the link, or of a line between boards.
+  const link::Protocol& protocol_of(const faults::FaultSpec& fault) const;
+  // Id of a wire's client, or of its line: `place` counts the clients and then the lines (WireId).
+  std::string wire_owner_id(std::size_t place) const;
   // Its place; none: there is no client of this id.
   std::optional<std::size_t> FindClient(std::string_view id) const;
   // True if the flight has a choice of clients: several, and an arbiter that chooses in flight.

@@ -61,6 +61,7 @@ class Checker {
     CheckFirmware();
     CheckGain();
     CheckClients();
+    CheckLines();
     CheckWatch();
     CheckReference();
     CheckFaults();
@@ -97,32 +98,40 @@ class Checker {
     return protocol == nullptr ? ValueOf(link, "dialect") : protocol;
   }
 
-  // Reads the protocol that is no shipped one: a file, or a mapping as resolved scenarios have it.
   void ReadProtocol() {
-    const YamlNode* node = ProtocolNode();
-    if (node == nullptr || Troubled(*node)) return;
-    if (node->kind == YamlNode::Kind::kMapping) {
-      protocol_root_ = node;
+    if (const YamlNode* node = ProtocolNode(); node != nullptr && !Troubled(*node))
+      if (auto protocol = UsersProtocol(*node, protocol_root_, protocol_, scenario_.protocol_file))
+        scenario_.link.protocol = std::move(protocol);
+  }
+
+  // The protocol that is no shipped one: a file, or a mapping as resolved scenarios have it. Null: it is shipped, or wrong.
+  std::shared_ptr<const link::Protocol> UsersProtocol(const YamlNode& node, const YamlNode*& root,
+                                                      ProtocolFile& loaded, fs::path& file) {
+    if (node.kind == YamlNode::Kind::kMapping) {
+      root = &node;
       ProtocolSpec spec;
       std::vector<YamlProblem> said;  // by the reader of the scenario
-      MappingReader reader(*node, said);
+      MappingReader reader(node, said);
       DescribeProtocol(reader, spec);
       reader.Finish();
-      if (!said.empty()) return;
-      if (std::string taken = TakenProtocolName(spec.name); !taken.empty())
-        return Complain(PlaceOf(*node, "protocol"), std::move(taken));
-      if (auto protocol = MakeProtocol(spec, *node, problems_)) scenario_.link.protocol = std::move(protocol);
-    } else if (link::FindProtocol(node->text) == nullptr) {
-      try {
-        scenario_.protocol_file = RelativeToScenario(node->text);
-        protocol_ = LoadProtocolFile(scenario_.protocol_file);
-        protocol_root_ = &protocol_.root;
-        scenario_.link.protocol = protocol_.protocol;
-      } catch (const ScenarioError& error) {
-        for (const Diagnostic& diagnostic : error.diagnostics())
-          Complain(node->mark, fmt::format("protocol: {}", ToString(diagnostic)));
+      if (!said.empty()) return nullptr;
+      if (std::string taken = TakenProtocolName(spec.name); !taken.empty()) {
+        Complain(PlaceOf(node, "protocol"), std::move(taken));
+        return nullptr;
       }
+      return MakeProtocol(spec, node, problems_);
     }
+    if (link::FindProtocol(node.text) != nullptr) return nullptr;
+    try {
+      file = RelativeToScenario(node.text);
+      loaded = LoadProtocolFile(file);
+      root = &loaded.root;
+      return loaded.protocol;
+    } catch (const ScenarioError& error) {
+      for (const Diagnostic& diagnostic : error.diagnostics())
+        Complain(node.mark, fmt::format("protocol: {}", ToString(diagnostic)));
+    }
+    return nullptr;
   }
 
   // The flight's length and step against the protocol's control period.
@@ -213,6 +222,8 @@ class Checker {
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
     if (!vehicle) return;
     scenario_.link.protocol = link::ForVehicle(scenario_.link.protocol, *vehicle);
+    for (LineEntry& line : scenario_.lines)
+      if (line.protocol != nullptr) line.protocol = link::ForVehicle(line.protocol, *vehicle);
     for (const link::MessageType& type : scenario_.link.protocol->messages)
       if (type.payload_bytes > link::kPayloadBytesMax)
         return ComplainProtocol(fmt::format(
@@ -278,6 +289,108 @@ class Checker {
       if (!client.firmware.empty()) CheckBuild("firmware", client.firmware, PlaceOf(node, "firmware"));
     }
     CheckArbiter();
+  }
+
+  void CheckLines() {
+    const YamlNode* list = ValueOf(&root_, "lines");
+    scenario_.line_places.clear();
+    if (scenario_.lines.empty() || list == nullptr) return;
+    for (const YamlNode& line : list->items) {
+      const YamlMark place = PlaceOf(line, "id");
+      scenario_.line_places.push_back(
+          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
+    }
+    if (scenario_.lines.size() > kLinesMax)
+      Complain(list->mark, fmt::format("lines: more than {}", kLinesMax));
+    if (!scenario_.has_several_clients())
+      return Complain(list->mark, "lines: a line is between two of several `clients`, and there is one");
+    // Targets of faults, each with the line that it means.
+    std::map<std::string, std::string> targets;
+    for (const faults::Target target : {faults::Target::kToClient, faults::Target::kToPlant,
+                                        faults::Target::kBoth, faults::Target::kReference})
+      targets.emplace(Name(target), "every client's own lines");
+    // Words of --client qemu.
+    for (const char* taken : {"main", "console", "hse"}) targets.emplace(taken, "a part of a board");
+    for (std::size_t i = 0; i < scenario_.lines.size(); ++i)
+      CheckLine(scenario_.lines[i], list->items[i], targets);
+  }
+
+  void CheckLine(LineEntry& line, const YamlNode& node, std::map<std::string, std::string>& targets) {
+    if (const YamlNode* between = Good(node, "between");
+        between != nullptr && between->kind == YamlNode::Kind::kSequence) {
+      const std::vector<YamlNode>& ends = between->items;
+      if (ends.size() != 2)
+        Complain(between->mark, fmt::format("between: a line has two ends, and there are {}", ends.size()));
+      else if (ends[0].text == ends[1].text)
+        Complain(between->mark,
+                 fmt::format("between: both ends are '{}': a line is between two clients", ends[0].text));
+      for (const YamlNode& item : between->items)
+        if (!Troubled(item)) CheckClient("between", item.mark, item.text);
+    }
+    if (const YamlNode* protocol = Good(node, "protocol");
+        protocol != nullptr &&
+        (protocol->kind == YamlNode::Kind::kMapping || protocol->text != kBytesAsTheyAre)) {
+      const YamlNode* root = nullptr;
+      ProtocolFile loaded;
+      fs::path file;
+      if (auto users = UsersProtocol(*protocol, root, loaded, file)) line.protocol = std::move(users);
+    }
+    if (line.id.empty()) return;
+    std::vector<std::string> own = {line.id};
+    for (const std::string& client : line.between) own.push_back(line.id + "_to_" + client);
+    if (scenario_.FindClient(line.id))
+      return Complain(node, "id", fmt::format("id: '{}' is a client", line.id));
+    for (const std::string& target : own) {
+      const auto [other, is_new] = targets.try_emplace(target, fmt::format("the line '{}'", line.id));
+      if (is_new || other->second == fmt::format("the line '{}'", line.id)) {
+        if (target != line.id || is_new) continue;
+        return Complain(node, "id", fmt::format("id: '{}' is taken already", line.id));
+      }
+      return Complain(node, "id",
+                      fmt::format("id: the target '{}' of faults already means {}: take another id", target,
+                                  other->second));
+    }
+  }
+
+  // Finds the line of a fault that acts on one between boards.
+  void CheckLineOf(faults::FaultSpec& fault, const YamlNode& node) {
+    if (fault.line.empty()) return;
+    const std::string text = TargetText(fault);
+    std::vector<std::string> valid;
+    const faults::FaultType* type = faults::FindFaultType(fault.type);
+    if (type == nullptr) return;
+    for (const faults::Target target : faults::AcceptedTargets(*type))
+      if (target != faults::Target::kNone) valid.emplace_back(Name(target));
+    for (const LineEntry& line : scenario_.lines) {
+      faults::FaultSpec found = fault;
+      found.line = line.id;
+      const auto is_it = [&](std::string_view end, faults::Target target) {
+        found.line_end = end;
+        found.target = target;
+        valid.push_back(TargetText(found));
+        return valid.back() == text;
+      };
+      bool is_found = is_it("", faults::Target::kBoth);
+      for (std::size_t end = 0; end < line.between.size() && !is_found; ++end)
+        is_found = is_it(line.between[end], end == 0 ? faults::Target::kToClient : faults::Target::kToPlant);
+      if (!is_found) continue;
+      fault = found;
+      if (const auto problem = faults::LineProblem(*type, line.protocol != nullptr))
+        Complain(node, "type", fmt::format("type: {}", *problem));
+      if (!fault.client.empty())
+        Complain(
+            node, "client",
+            fmt::format(
+                "client: the fault acts on the line '{}' between two clients; `target: {}_to_{}` is one way",
+                line.id, line.id, fault.client));
+      return;
+    }
+    Complain(node, "target", fmt::format("target: unknown value '{}'{}", text, DidYouMeanOf(text, valid)));
+  }
+
+  // The protocol of the frames on which the fault acts.
+  const link::Protocol& ProtocolOf(const faults::FaultSpec& fault) const {
+    return scenario_.protocol_of(fault);
   }
 
   void CheckArbiter() {
@@ -402,9 +515,12 @@ class Checker {
                              other->id));
       CheckClientNamed(node, "client", fault.client);
       if (fault.type.empty()) continue;  // unknown, and said so
+      CheckLineOf(scenario_.faults[i], node);
       CheckMessage(scenario_.faults[i], node);
       for (const faults::Problem& problem : faults::Validate(fault)) {
         // The reader has reported missing and unreadable values already.
+        // Unknown lines were reported above.
+        if (problem.key == "target" && !fault.line.empty()) continue;
         const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
         if (problem.key == "parameters" || (is_bound && Good(node, problem.key) == nullptr)) continue;
         Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
@@ -421,9 +537,9 @@ class Checker {
   // Gives the message its name in the protocol.
   void CheckMessage(faults::FaultSpec& fault, const YamlNode& node) {
     const faults::FaultType& type = *faults::FindFaultType(fault.type);
-    const std::string problem = faults::MessageProblem(fault, type, *scenario_.link.protocol);
+    const std::string problem = faults::MessageProblem(fault, type, ProtocolOf(fault));
     if (!problem.empty()) Complain(node, "message", fmt::format("message: {}", problem));
-    if (const auto* message = faults::FindMessage(*scenario_.link.protocol, fault.message))
+    if (const auto* message = faults::FindMessage(ProtocolOf(fault), fault.message))
       fault.message = message->name;
   }
 
@@ -431,7 +547,7 @@ class Checker {
   void CheckFaultsSuit(const YamlNode& list) {
     for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
       if (!faults::Validate(scenario_.faults[i]).empty()) continue;  // reported already
-      if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], *scenario_.link.protocol))
+      if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], ProtocolOf(scenario_.faults[i])))
         Complain(list.items[i], problem->key, fmt::format("{}: {}", problem->key, problem->message));
     }
   }
@@ -448,7 +564,7 @@ class Checker {
             info.kind == faults::ParameterKind::kField ? Good(*parameters, info.name) : nullptr;
         if (name == nullptr) continue;
         const std::vector<std::string> valid =
-            faults::FieldNames(*scenario_.link.protocol, faults::ResolvedTarget(fault, *type), fault.message);
+            faults::FieldNames(ProtocolOf(fault), faults::ResolvedTarget(fault, *type), fault.message);
         if (std::find(valid.begin(), valid.end(), name->text) == valid.end())
           Complain(name->mark, fmt::format("{}: unknown value '{}'{}", info.name, name->text,
                                            DidYouMeanOf(name->text, valid)));

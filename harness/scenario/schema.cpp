@@ -118,6 +118,11 @@ class SchemaBuilder : public KeyVisitor {
     const Json schema = {{"enum", words}};
     index ? Add(key, schema, std::string(words[*index])) : Add(key, schema);
   }
+  void WordOrName(const Key& key, std::span<const std::string_view> words, std::string& text,
+                  const TextRule& rule) override {
+    const Json schema = {{"anyOf", {{{"enum", words}}, TextSchema(rule)}}};
+    text.empty() ? Add(key, schema) : Add(key, schema, text);
+  }
   void Bytes(const Key& key, std::vector<std::uint8_t>&, std::size_t count_max) override {
     const Json byte = {{"type", "integer"}, {"minimum", 0}, {"maximum", 255}};
     Add(key, {{"type", "array"}, {"items", byte}, {"minItems", 1}, {"maxItems", count_max}});
@@ -328,6 +333,8 @@ std::string AllowedText(const Json& schema) {
     return fmt::format("{}, a path that ends in `.yaml`, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].value("type", "") == "number")
     return fmt::format("{}, or {}", AllowedText(schema["anyOf"][0]), AllowedText(schema["anyOf"][1]));
+  if (schema.contains("anyOf") && schema["anyOf"][1].value("type", "") == "string")
+    return fmt::format("{}, or text", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf") && schema["anyOf"][1].contains("properties"))
     return fmt::format("{}, or a mapping", AllowedText(schema["anyOf"][0]));
   if (schema.contains("anyOf"))
@@ -397,6 +404,7 @@ std::string ScenarioKeysMarkdown() {
   const Json& keys = schema["properties"];
   std::string text = Table("The file", Rows(schema));
   text += Table("An item of `clients`", Rows(keys["clients"]["items"]));
+  text += Table("An item of `lines`", Rows(keys["lines"]["items"]));
   for (const Json& branch : keys["arbiter"]["allOf"]) {
     const Json& kind = branch["then"];
     text += Table(fmt::format("`arbiter` of type {}", kind["properties"]["type"]["const"].get<std::string>()),

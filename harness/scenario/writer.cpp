@@ -69,6 +69,10 @@ class Writer : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     if (index) Line(key, std::string(words[*index]));
   }
+  void WordOrName(const Key& key, std::span<const std::string_view>, std::string& text,
+                  const TextRule&) override {
+    if (!text.empty()) Line(key, text);
+  }
   void Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t) override {
     if (!value.empty()) Line(key, fmt::format("[{:#04x}]", fmt::join(value, ", ")));
   }

@@ -26,7 +26,8 @@ bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) 
 std::vector<faults::FaultSpec> FaultsOn(const Scenario& scenario, std::size_t client) {
   std::vector<faults::FaultSpec> faults = scenario.faults;
   std::erase_if(faults, [&](const faults::FaultSpec& fault) {
-    return !fault.client.empty() && fault.client != scenario.client_id(client);
+    // One on a line between boards leaves the client's own lines whole.
+    return !fault.line.empty() || (!fault.client.empty() && fault.client != scenario.client_id(client));
   });
   return faults;
 }

@@ -102,6 +102,10 @@ extern const BootTime arrival_of_start, arrival;
 extern const examples::Function wake_at;
 extern const struct Fault { TimeNs start_ns; } fault;
 
+// link/raw_framing.h
+#include "link/wire.h"
+extern ChunkFilter* filter;
+
 // link/wire.h
 extern ChunkFilter* filter;
 

@@ -56,7 +56,7 @@ class LockstepBoard:
 
     def run(self, until_ns):
         while self.now_ns < until_ns:
-            self._send(RUN, struct.pack("<qqq", until_ns, 0, 0))
+            self._send(RUN, struct.pack("<qqqq", until_ns, 0, 0, 0))
             self.now_ns = struct.unpack_from("<q", self._expect(STOPPED))[0]
             self._on_stop(self)
 

@@ -194,6 +194,13 @@ bool ReadGain(const Json& rows, LqrTable& table) {
 
 }  // namespace
 
+std::size_t ReadPlace(const char* parameters) {
+  if (parameters == nullptr) return 0;
+  const Json json = Json::parse(parameters, nullptr, /*allow_exceptions=*/false);
+  const Json* client = json.is_object() ? Find(json, "client") : nullptr;
+  return client != nullptr && client->is_object() ? NumberAt<std::size_t>(*client, "place").value_or(0) : 0;
+}
+
 bool ReadLqrSetup(const char* parameters, LqrSetup& setup) {
   if (parameters == nullptr) return false;
   const Json json = Json::parse(parameters, nullptr, /*allow_exceptions=*/false);

@@ -23,7 +23,6 @@ using tiltproof::firmware::FindBuild;
 using tiltproof::firmware::FlightApplication;
 using tiltproof::firmware::LqrApplication;
 using tiltproof::firmware::LqrSetup;
-using tiltproof::firmware::SupervisorState;
 using tiltproof::firmware::Uart;
 using tiltproof::link::Dialect;
 
@@ -54,12 +53,16 @@ std::optional<Dialect> FindDialect(const char* name) {
 struct TiltproofClient {
   // `build`: null for the build `lqr`, whose numbers and protocol are then in `setup`.
   TiltproofClient(const TiltproofHost& host, const Build* build_in, LqrSetup setup_in, Dialect dialect_in)
-      : port(host), build(build_in), setup(std::move(setup_in)), dialect(dialect_in) {
+      : port(host),
+        build(build_in),
+        setup(std::move(setup_in)),
+        dialect(dialect_in),
+        place(build_in == nullptr ? 0 : tiltproof::firmware::ReadPlace(host.parameters)) {
     PowerOn();
   }
   void PowerOn() {
     if (build != nullptr)
-      application.emplace<FlightApplication>(*build, dialect, port);
+      application.emplace<FlightApplication>(*build, dialect, port, place);
     else
       application.emplace<LqrApplication>(setup, port);
   }
@@ -74,6 +77,7 @@ struct TiltproofClient {
   const Build* const build;
   const LqrSetup setup;
   const Dialect dialect;
+  const std::size_t place;  // among the boards on the vehicle
   // One of the two; a reset makes it again in place.
   std::variant<std::monostate, FlightApplication, LqrApplication> application;
 };
@@ -106,7 +110,7 @@ int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
 
 void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t /*now_ns*/, const uint8_t* bytes,
                               size_t count) {
-  if (uart != TILTPROOF_UART_MAIN && uart != TILTPROOF_UART_REFERENCE) return;
+  if (uart < TILTPROOF_UART_MAIN || uart > static_cast<int>(Uart::kSecondCross)) return;
   client->With([&](auto& application) { application.Receive(static_cast<Uart>(uart), {bytes, count}); });
 }
 
@@ -122,13 +126,9 @@ void tiltproof_client_status(const TiltproofClient* client, TiltproofClientStatu
   *status = {.supervisor_state = static_cast<uint32_t>(own.state), .failsafe_count = own.failsafe_count};
 }
 
-// No build talks to another board: it claims whenever it flies by what it is sent.
 uint32_t tiltproof_client_role(const TiltproofClient* client) {
   const auto* application = std::get_if<FlightApplication>(&client->application);
-  if (application == nullptr) return TILTPROOF_ROLE_ACTIVE;
-  const SupervisorState state = application->status().state;
-  if (IsFailsafe(state)) return TILTPROOF_ROLE_FAILED;
-  return state == SupervisorState::kInit ? TILTPROOF_ROLE_STANDBY : TILTPROOF_ROLE_ACTIVE;
+  return application == nullptr ? TILTPROOF_ROLE_ACTIVE : static_cast<uint32_t>(application->role());
 }
 
 int64_t tiltproof_client_reset(TiltproofClient* client, int64_t now_ns) {

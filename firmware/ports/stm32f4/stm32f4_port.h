@@ -11,8 +11,8 @@ class Stm32f4Port final : public firmware::Port {
  public:
   // The firmware sends only on the main line. The application's time is that of the last tick, the line's is
   // exact.
-  TimeNs Transmit(firmware::Uart /*uart*/, TimeNs /*now*/, std::span<const std::uint8_t> bytes) override {
-    return SendMain(bytes);
+  TimeNs Transmit(firmware::Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+    return uart == firmware::Uart::kMain ? SendMain(bytes) : now;
   }
   void Log(TimeNs /*now*/, const char* text) override { ConsoleLine(text).Send(); }
 };

@@ -31,7 +31,8 @@ struct Arguments {
 
 // "" or what is wrong with them.
 inline std::string Parse(int argc, char** argv, Arguments& arguments) {
-  constexpr std::array<std::string_view, 3> kLines = {"main", "reference", "console"};
+  constexpr std::array<std::string_view, harness::lockstep::kConnectedUsartCount> kLines = {
+      "main", "reference", "console", "line0", "line1", "line2"};
   for (int i = 0; i < argc; ++i) {
     const std::string_view argument = argv[i];
     const std::size_t equals = argument.find('=');

@@ -11,7 +11,7 @@
 //   - faults of the device (stall, delayed task, reset, flipped bits) take place at their virtual nanosecond.
 //
 //   qemu-system-arm ... -icount shift=3,sleep=off
-//     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1
+//     -plugin tiltproof_lockstep.so,socket=3,barrier=126,main=2,reference=3,console=1,line0=6
 //
 // `socket` is an inherited descriptor, a connected unix stream socket (harness/emulator/lockstep_protocol.h); the
 // lines are given as numbers of USARTs. `barrier` tells where a frame of the line's protocol ends
@@ -252,10 +252,10 @@ void OnAbort(int /*signal*/) {
   Stop();
 }
 
-// A frame has been given to the transmitter. There is time before the first byte of an answer.
-void AwaitAnswer() {
-  if (plugin.run.answer_after_ns == 0) return Stop();
-  const std::int64_t at = Now() + plugin.run.answer_after_ns;
+// A frame, or a byte for another board, has been given to the transmitter. There is time before the first byte of an answer.
+void AwaitAnswer(std::int64_t answer_after_ns) {
+  if (answer_after_ns == 0) return Stop();
+  const std::int64_t at = Now() + answer_after_ns;
   if (at < plugin.run.until_ns) plugin.horizon.Set(plugin.run.until_ns = at);
 }
 
@@ -272,7 +272,9 @@ void OnTransmit(int number, std::uint8_t byte) {
     uart.unsent.push_back({Now(), uart.usart, byte});
     const bool line_end = uart.usart == Usart::kConsole && byte == '\n';
     if (uart.frames && uart.frames->FindEnd({&byte, 1})) {
-      AwaitAnswer();
+      AwaitAnswer(plugin.run.answer_after_ns);
+    } else if (uart.usart >= Usart::kFirstLine) {
+      AwaitAnswer(plugin.run.line_answer_after_ns);
     } else if (line_end || uart.unsent.size() >= kUnsentBytesMax) {
       SendUnsent(uart);
       plugin.socket.Flush();
@@ -363,7 +365,7 @@ void BeginLockstep() {
     if (uart.usart == Usart::kMain) uart.frames = link::MakeFrameCutter(*plugin.arguments.barrier);
     uart.timer.Init(OnReceiveTimer, &uart);
     uart.unit = &plugin.chip.usart(number);
-    if (plugin.arguments.ideal && uart.usart != Usart::kConsole) uart.unit->SetUnpaced();
+    if (plugin.arguments.ideal && uart.usart < Usart::kConsole) uart.unit->SetUnpaced();
   }
   const Hello hello{kProtocolVersion};
   plugin.socket.Send(Kind::kHello, &hello, sizeof(hello));

@@ -33,6 +33,8 @@ TEST(ClientSpec, EveryFormIsRead) {
             ClientSpec(EmulatedImage{.file = here + "x.elf", .main_usart = 4, .reference_usart = 5}));
   EXPECT_EQ(ParseClient("qemu:freertos,hse=25000000"),
             ClientSpec(EmulatedImage{.file = "", .scheduler = "freertos", .hse_hz = 25'000'000}));
+  EXPECT_EQ(ParseClient("qemu:x.elf,cross=usart6,other=usart4"),
+            ClientSpec(EmulatedImage{.file = here + "x.elf", .line_usarts = {{"cross", 6}, {"other", 4}}}));
   EXPECT_EQ(ParseClient("process:./a --b=c:d,e"), ClientSpec(Program{"./a --b=c:d,e"}));
   EXPECT_EQ(ParseClient("program:A=1 ./a {b} | c"), ClientSpec(LockstepProgram{"A=1 ./a {b} | c"}));
   EXPECT_EQ(ParseClient("serial:/dev/ttyUSB0"), ClientSpec(SerialBoard{"/dev/ttyUSB0", ""}));
@@ -40,9 +42,9 @@ TEST(ClientSpec, EveryFormIsRead) {
 }
 
 TEST(ClientSpec, ThePlainTextIsTheShortest) {
-  for (const char* text :
-       {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0", "library:/a/b.so",
-        "process:sleep 1", "program:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
+  for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0",
+                           "qemu:/x.elf,cross=usart6,other=usart4,hse=0", "library:/a/b.so",
+                           "process:sleep 1", "program:sleep 1", "serial:/dev/a", "serial:/dev/a,/dev/b"})
     EXPECT_EQ(ToText(ParseClient(text)), text);
   EXPECT_EQ(ToText(ParseClient("qemu:executive,main=usart2")), "qemu");
 }
@@ -88,6 +90,11 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
   EXPECT_THAT(Mistake("qemu:"), HasSubstr("qemu:FILE.elf"));
   EXPECT_THAT(Mistake("qemu:x.elf,main=usart9"), HasSubstr("N from 1 to 6"));
   EXPECT_THAT(Mistake("qemu:x.elf,main=usart3"), HasSubstr("a USART each"));
+  EXPECT_THAT(Mistake("qemu:x.elf,cross=usart3"),
+              HasSubstr("reference and cross need a USART each; both are on 3"));
+  EXPECT_THAT(Mistake("qemu:x.elf,cross=usart4,other=usart4"), HasSubstr("both are on 4"));
+  EXPECT_THAT(Mistake("qemu:x.elf,cross=usart4,cross=usart5"), HasSubstr("'cross' has a USART already"));
+  EXPECT_THAT(Mistake("qemu:x.elf,cross=4"), HasSubstr("LINE=usartN"));
 }
 
 TEST(ClientSpec, TheKindAloneComesBack) {

@@ -54,6 +54,10 @@ class RandomFiller : public KeyVisitor {
               std::optional<std::size_t>& index) override {
     index = *rc::gen::inRange<std::size_t>(0, words.size());
   }
+  void WordOrName(const Key&, std::span<const std::string_view> words, std::string& text,
+                  const TextRule&) override {
+    text = words[*rc::gen::inRange<std::size_t>(0, words.size())];
+  }
   void Bytes(const Key&, std::vector<std::uint8_t>&, std::size_t) override {}
   void NameOrSection(const Key&, std::span<const std::string_view> names, std::string& name,
                      const Body&) override {
