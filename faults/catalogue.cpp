@@ -118,6 +118,8 @@ std::string NeedsText(Needs needs) {
       return " Needs a client that can be reset: an emulated board or, in lockstep, a library.";
     case Needs::kTask:
       return " Needs a library or an emulated board, in lockstep.";
+    case Needs::kComputing:
+      return " Needs a library or a program that states its computing time, in lockstep.";
     case Needs::kProcessor:
       return " Needs an emulated board.";
     case Needs::kEmulation:

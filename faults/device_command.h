@@ -33,13 +33,16 @@ struct DelayTask {          // each time from the begin on, until the end
   TimeNs delay_ns = 0;
   TimeNs every_ns = 0;
 };
+struct SlowProcessor {  // computes so many times longer, until the end
+  double factor = 1;
+};
 struct FlipBits {
   std::string region;  // "ram", "data", "bss", "stack", or an object of the image
   std::int64_t bit_count = 0;
   std::uint64_t stream = 0;  // for DrawBitFlips()
 };
 using DeviceAction = std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, DelayTask,
-                                  FlipBits, DriftClock, JumpClock>;
+                                  SlowProcessor, FlipBits, DriftClock, JumpClock>;
 
 // The inputs from which an action is made.
 struct DeviceSetup {

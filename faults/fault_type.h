@@ -117,6 +117,7 @@ enum class Needs : std::uint8_t {
   kNodes,      // processes of the harness: real time
   kReset,      // a client that can be reset
   kTask,       // a firmware whose task the harness can make late: a library or an emulated board, in lockstep
+  kComputing,  // a firmware that states its computing time: a library or a program, in lockstep
   kProcessor,  // a processor that can be stopped, with memory that can be written
   kEmulation,  // the board's reset cause, watchdog and receiver, at exact virtual times
   kClock,      // depends on the parameter `node`: real time, or a client whose clock the harness provides

@@ -104,6 +104,7 @@ namespace tiltproof::faults {
   FAULT(DeviceHang)                  \
   FAULT(DeviceStall)                 \
   FAULT(DeviceTaskDelay)             \
+  FAULT(DeviceSlowCpu)               \
   FAULT(DeviceBitFlip)               \
   FAULT(UartOverrun)                 \
   FAULT(UartFramingError)            \

@@ -22,7 +22,8 @@
  * UART 0 is the main line (sensors and actuators), UART 1 brings references; from 2 on, lines to other boards
  * (docs/redundancy.md). Frames and messages: docs/wire.md; in C++, link/frame.h and firmware/messages.h.
  *
- * Version 2 adds TiltproofHost.parameters. A library of version 1 works as before: it gets a host of version 1.
+ * Version 2 adds TiltproofHost.parameters, version 3 adds compute. A library of an older version works as before: it
+ * gets a host of its version.
  */
 #ifndef TILTPROOF_CLIENT_H
 #define TILTPROOF_CLIENT_H
@@ -34,7 +35,7 @@
 extern "C" {
 #endif
 
-#define TILTPROOF_CLIENT_ABI_VERSION 2u
+#define TILTPROOF_CLIENT_ABI_VERSION 3u
 
 /* Build your library with hidden visibility: these functions are all that it has to show. */
 #define TILTPROOF_CLIENT_API __attribute__((visibility("default")))
@@ -72,12 +73,21 @@ typedef struct {
    *                     "axis", "drag_ratio_m"}, ...]} with BODY {"mass_kg", "com_m", "inertia_kg_m2": [xx, yy, zz, xy, xz,
    *                     yz], about com_m}; all in the main body's frame, with the hinges at angle 0
    *   client            {"id", "place" (from 0) and "of": which of the clients on the vehicle this board is}
+   *   firmware_parameters  the numbers of the scenario's key of that name: {"name": value, ...}
    *   protocol          {"name", "framing": {"type", "check", "sync", "length"}, "world", "body", "messages": [{"name",
    *                     "role", "from", "line", "id": {"type", "byte_order", "bits"}, "reply", "starts", "period_ns",
    *                     "fields": [{"signal", "type", "byte_order", "scale", "min", "max", "as"}, ...]}, ...]}; the id is
    *                     null for a message without, "sync" and "length" are those of a length-prefixed frame
    * Numbers have the shortest text that reads back as the same double. */
   const char* parameters;
+  /* From version 3 on, within receive, grant, start or reset. In lockstep a call takes no time, however much it computes. A
+   * firmware whose computing takes long says so: it begins at now_ns (that of the call in progress, or later within it)
+   * and takes length_ns on a sound processor. Returns the client time at which it ends, which is later where a fault
+   * slows the processor or holds the task. What depends on the result is to be transmitted at that time or later. The
+   * client may be called meanwhile, as by interrupts. Metric timing.deadline_missed_count counts computations that end
+   * after deadline_ns, such as the time at which the next request is due. In real time, where computing takes its own
+   * time, it returns now_ns. */
+  int64_t (*compute)(void* context, int64_t now_ns, int64_t length_ns, int64_t deadline_ns);
 } TiltproofHost;
 
 typedef struct {

@@ -56,6 +56,7 @@ enum {
   TILTPROOF_PROGRAM_RESET = 4,
   TILTPROOF_PROGRAM_SENT = 5,
   TILTPROOF_PROGRAM_END = 6,
+  TILTPROOF_PROGRAM_COMPUTED = 7,
   /* Kinds of messages from the program. */
   TILTPROOF_PROGRAM_READY = 0x81,
   TILTPROOF_PROGRAM_WAITING = 0x82,
@@ -64,6 +65,7 @@ enum {
   TILTPROOF_PROGRAM_ROLE = 0x85,
   TILTPROOF_PROGRAM_LOG = 0x86,
   TILTPROOF_PROGRAM_REFUSED = 0x87,
+  TILTPROOF_PROGRAM_COMPUTE = 0x88,
   /* Flags of ready. */
   TILTPROOF_PROGRAM_TELLS_STATUS = 1,
   TILTPROOF_PROGRAM_TELLS_ROLE = 2,
@@ -192,15 +194,15 @@ static inline const uint8_t* tiltproof_read(TiltproofProgram* program) {
 }
 
 /* The time in the answer to a question. It may come behind messages that were on their way: these are kept. */
-static inline int64_t tiltproof_take_sent(TiltproofProgram* program, int64_t otherwise_ns) {
+static inline int64_t tiltproof_take_time(TiltproofProgram* program, int kind, int64_t otherwise_ns) {
   TiltproofBuffer* const in = &program->in;
   for (size_t at = program->taken; tiltproof_await(program, at); at += tiltproof_whole(in->bytes + at)) {
-    if (in->bytes[at + 4] != TILTPROOF_PROGRAM_SENT) continue;
-    const int64_t sent_ns = tiltproof_get_i64(in->bytes + at + TILTPROOF_PROGRAM_HEADER_BYTES);
+    if (in->bytes[at + 4] != kind) continue;
+    const int64_t time_ns = tiltproof_get_i64(in->bytes + at + TILTPROOF_PROGRAM_HEADER_BYTES);
     const size_t end = at + tiltproof_whole(in->bytes + at);
     memmove(in->bytes + at, in->bytes + end, in->size - end);
     in->size -= end - at;
-    return sent_ns;
+    return time_ns;
   }
   return otherwise_ns;
 }
@@ -326,7 +328,7 @@ static inline int64_t tiltproof_program_transmit(TiltproofProgram* program, int 
   }
   if (ask) {
     tiltproof_flush(program);
-    return tiltproof_take_sent(program, now_ns);
+    return tiltproof_take_time(program, TILTPROOF_PROGRAM_SENT, now_ns);
   }
   if (uart == 1) return now_ns;
   TiltproofTransmitter* const line = &program->uarts[uart];
@@ -344,6 +346,19 @@ static inline int64_t tiltproof_program_transmit(TiltproofProgram* program, int 
   }
   line->free_ns = line->busy_begin_ns + line->busy_bytes * line->character_bits * 1000000000 / line->baud;
   return line->free_ns;
+}
+
+/* States that the program computes: it begins at now_ns, takes length_ns on a sound processor, and should end by
+ * deadline_ns. Returns when it ends (TiltproofHost.compute). What depends on the result is to be sent then or later. It
+ * costs one more exchange with the harness. */
+static inline int64_t tiltproof_program_compute(TiltproofProgram* program, int64_t now_ns, int64_t length_ns,
+                                                int64_t deadline_ns) {
+  uint8_t* const out = tiltproof_message(program, TILTPROOF_PROGRAM_COMPUTE, 0, 0, 24);
+  tiltproof_put_i64(out, now_ns);
+  tiltproof_put_i64(out + 8, length_ns);
+  tiltproof_put_i64(out + 16, deadline_ns);
+  tiltproof_flush(program);
+  return tiltproof_take_time(program, TILTPROOF_PROGRAM_COMPUTED, now_ns);
 }
 
 /* The program's supervisor, as in TiltproofClientStatus: sent when it has changed. */
@@ -393,6 +408,10 @@ static inline int64_t tiltproof_run_transmit(void* context, int uart, int64_t no
                                              size_t count) {
   return tiltproof_program_transmit((TiltproofProgram*)context, uart, now_ns, bytes, count);
 }
+static inline int64_t tiltproof_run_compute(void* context, int64_t now_ns, int64_t length_ns,
+                                            int64_t deadline_ns) {
+  return tiltproof_program_compute((TiltproofProgram*)context, now_ns, length_ns, deadline_ns);
+}
 static inline void tiltproof_run_log(void* context, int64_t now_ns, const char* text) {
   tiltproof_program_log((TiltproofProgram*)context, now_ns, text);
 }
@@ -411,6 +430,7 @@ static inline int tiltproof_program_run(void) {
   host.context = &program;
   host.transmit = tiltproof_run_transmit;
   host.log = tiltproof_run_log;
+  host.compute = tiltproof_run_compute;
   TiltproofClient* const client = tiltproof_client_create(&host);
   if (client == NULL) {
     tiltproof_program_refuse(&program, "tiltproof_client_create returned NULL");

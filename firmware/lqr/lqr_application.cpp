@@ -74,10 +74,11 @@ void LqrApplication::Receive(Uart uart, std::span<const std::uint8_t> bytes) {
 }
 
 TimeNs LqrApplication::Tick(TimeNs now) {
+  if (ready_ns_ && now >= *ready_ns_) SendCommand(now);
   if (has_states_) Answer(now);
   // Twice at one instant when a `start` leaves without taking time.
   while (now >= next_period_ns_) BeginPeriod(now);
-  return next_period_ns_;
+  return ready_ns_ ? std::min(*ready_ns_, next_period_ns_) : next_period_ns_;
 }
 
 // A number or a time that is not ahead of the last one, by less than half of its range, is of an old message.
@@ -174,12 +175,13 @@ void LqrApplication::Accept(const link::Message& message) {
 
 void LqrApplication::Answer(TimeNs now) {
   has_states_ = false;
+  if (ready_ns_) return;
   const std::array<float, kLqrSensedMax> states = sensors_.States();
   const std::span<const float> sensed(states.data(), table_.sensed_count());
   if (!reference_)
     reference_ = Reference{.x_m = sensed[0], .y_m = sensed[1], .z_m = sensed[2], .yaw_rad = sensed[5]};
-  std::array<float, kLqrInputsMax> command;
-  const std::span<float> inputs(command.data(), table_.input_count);
+  const std::span<float> inputs(command_.data(), table_.input_count);
+  ready_ns_ = now;
   if (law_ == nullptr) {
     own_law_.Step(sensed, *reference_, inputs);
   } else {
@@ -187,8 +189,14 @@ void LqrApplication::Answer(TimeNs now) {
     const Turn turn = {.requested = asks ? requested_ns_ : now,
                        .now = now,
                        .deadline = asks ? next_period_ns_ : now + period_ns_};
-    now = law_->Step(turn, sensed, *reference_, inputs);
+    ready_ns_ = law_->Step(turn, sensed, *reference_, inputs);
   }
+  if (*ready_ns_ <= now) SendCommand(now);
+}
+
+void LqrApplication::SendCommand(TimeNs now) {
+  ready_ns_.reset();
+  const std::span<const float> inputs(command_.data(), table_.input_count);
   for (const MessageType& type : protocol_.messages)
     if (type.kind == MessageKind::kActuators) Send(now, type, inputs);
 }

@@ -15,11 +15,14 @@
 // messages in the file, of those that come most often, is answered, once in each control period. A protocol without
 // `start` begins with the first answer.
 //
+// A law may take a time to compute. Its command leaves when it is ready, and states that come before are not answered.
+//
 // This build has no image, so it may use the harness's protocols, which need a heap.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,11 +52,15 @@ struct Turn {
   TimeNs deadline;  // the next period begins
 };
 
+// States that a law computes for so long from `now` on, and that this should end by the deadline. Returns when it ends.
+using Compute = std::function<TimeNs(TimeNs now, TimeNs length, TimeNs deadline)>;
+
 // A law in place of the build's own.
 class CycleLaw {
  public:
   virtual ~CycleLaw() = default;
-  // Sets `command`, and returns when it leaves: turn.now or later. `sensed` is as for LqrLaw::Step.
+  // Sets `command`, and returns when it leaves: turn.now or later. It is not called before that. `sensed` is as for
+  // LqrLaw::Step.
   virtual TimeNs Step(const Turn& turn, std::span<const float> sensed, const Reference& reference,
                       std::span<float> command) = 0;
 };
@@ -82,6 +89,7 @@ class LqrApplication {
   bool IsNew(const link::Message& message);
   void Accept(const link::Message& message);
   void Answer(TimeNs now);
+  void SendCommand(TimeNs now);
   std::size_t PlaceOf(const link::MessageType& type) const {
     return static_cast<std::size_t>(&type - protocol_.messages.data());
   }
@@ -103,9 +111,11 @@ class LqrApplication {
   std::vector<bool> awaited_;           // by message type: the replies that this period lacks
   std::optional<Reference> reference_;  // the last one received; before that, the place of the first reply
   bool has_states_ = false;             // all of this period, not answered
-  bool waiting_ = false;                // for the replies to the last requests
-  bool start_is_fresh_ = true;          // `start` has been sent and no request since
-  bool heard_server_ = false;           // a valid message has arrived
+  std::array<float, kLqrInputsMax> command_{};
+  std::optional<TimeNs> ready_ns_;  // of `command_`, which is being computed
+  bool waiting_ = false;            // for the replies to the last requests
+  bool start_is_fresh_ = true;      // `start` has been sent and no request since
+  bool heard_server_ = false;       // a valid message has arrived
   TimeNs next_period_ns_ = 0;
   TimeNs requested_ns_ = 0;
 };

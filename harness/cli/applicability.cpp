@@ -158,23 +158,94 @@ void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<
   problems.push_back({fmt::format("{}: firmware: {}", scenario.file.string(), why), why});
 }
 
-// The other builds hold a gain of their own, and an image has no parameters.
-bool TakesGain(const ClientSpec& client, const std::string& build) {
+// The other builds hold numbers of their own, and an image has no parameters.
+bool TakesNumbers(const ClientSpec& client, const std::string& build) {
   if (AbilitiesOf(client, false).shipped) return build == kLqrBuild;
   return !std::holds_alternative<EmulatedImage>(client) && !std::holds_alternative<SerialBoard>(client);
+}
+
+// For messages; `build` counts for a shipped one.
+std::string NameOf(const ClientSpec& client, const std::string& build) {
+  return AbilitiesOf(client, false).shipped ? fmt::format("the build '{}'", build)
+                                            : fmt::format("the client {}", ToText(client));
+}
+
+void AddKeyProblem(const Scenario& scenario, const char* key, const std::string& why,
+                   std::vector<Problem>& problems) {
+  problems.push_back(
+      {fmt::format("{}: {}: {}", scenario.file.string(), key, why), fmt::format("{}: {}", key, why)});
 }
 
 void FindUnusedGain(const Scenario& scenario, const std::vector<ClientSpec>& clients,
                     std::vector<Problem>& problems) {
   if (scenario.gain.empty()) return;
   for (std::size_t i = 0; i < clients.size(); ++i)
-    if (TakesGain(clients[i], scenario.firmware_of(i))) return;
-  const std::string why = fmt::format(
-      "{} does not take a gain; `firmware: lqr` does, and so do a library (library:FILE) and a program "
-      "(program:CMD, process:CMD) of your own",
-      AbilitiesOf(clients.front(), false).shipped ? fmt::format("the build '{}'", scenario.firmware_of(0))
-                                                  : fmt::format("the client {}", ToText(clients.front())));
-  problems.push_back({fmt::format("{}: gain: {}", scenario.file.string(), why), "gain: " + why});
+    if (TakesNumbers(clients[i], scenario.firmware_of(i))) return;
+  AddKeyProblem(
+      scenario, "gain",
+      fmt::format("{} does not take a gain; `firmware: lqr` does, and so do a library (library:FILE) and "
+                  "a program (program:CMD, process:CMD) of your own",
+                  NameOf(clients.front(), scenario.firmware_of(0))),
+      problems);
+}
+
+// The only number that the build lqr takes: the time of one step of its law. Its largest value.
+constexpr std::string_view kComputeParameter = "compute_us";
+constexpr int kComputeMax_us = 1'000'000;
+
+void FindUnusedNumbers(const Scenario& scenario, const std::vector<ClientSpec>& clients,
+                       std::vector<Problem>& problems) {
+  if (scenario.firmware_parameters.empty()) return;
+  constexpr const char* kKey = "firmware_parameters";
+  bool taken = false;
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    if (!TakesNumbers(clients[i], scenario.firmware_of(i))) continue;
+    taken = true;
+    if (!AbilitiesOf(clients[i], false).shipped) continue;
+    for (const FirmwareParameter& parameter : scenario.firmware_parameters) {
+      if (parameter.name == kComputeParameter && parameter.value >= 0 && parameter.value <= kComputeMax_us)
+        continue;
+      return AddKeyProblem(
+          scenario, kKey,
+          fmt::format("the build lqr takes {}, the time of one step of its law, from 0 to {}; "
+                      "here is {}: {}",
+                      kComputeParameter, kComputeMax_us, parameter.name, parameter.value),
+          problems);
+    }
+  }
+  if (taken) return;
+  AddKeyProblem(
+      scenario, kKey,
+      fmt::format("{} takes no numbers; `firmware: lqr` takes {}, and a library (library:FILE) or a "
+                  "program (program:CMD, process:CMD) of your own takes what it knows",
+                  NameOf(clients.front(), scenario.firmware_of(0)), kComputeParameter),
+      problems);
+}
+
+// device.slow_cpu on a shipped build that states no computing time.
+void FindUnstatedComputing(const Scenario& scenario, const std::vector<ClientSpec>& clients,
+                           std::vector<Problem>& problems) {
+  for (std::size_t fault = 0; fault < scenario.faults.size(); ++fault) {
+    const faults::FaultSpec& spec = scenario.faults[fault];
+    const faults::FaultType* type = faults::FindFaultType(spec.type);
+    if (type == nullptr || type->needs != faults::Needs::kComputing) continue;
+    for (std::size_t i = 0; i < clients.size(); ++i) {
+      if (!spec.client.empty() && spec.client != scenario.client_id(i)) continue;
+      if (!std::holds_alternative<HostLibrary>(clients[i]) || !AbilitiesOf(clients[i], false).shipped)
+        continue;
+      const auto& numbers = scenario.firmware_parameters;
+      const bool states = std::any_of(numbers.begin(), numbers.end(), [](const FirmwareParameter& number) {
+        return number.name == kComputeParameter && number.value > 0;
+      });
+      if (states && scenario.firmware_of(i) == kLqrBuild) continue;
+      const std::string why = fmt::format(
+          "stretches the computing time that a firmware states, and the build '{}' states none here: give "
+          "`firmware: lqr` a number {} among `firmware_parameters`, or fly your own firmware",
+          scenario.firmware_of(i), kComputeParameter);
+      problems.push_back({fmt::format("{} {}", FaultPlace(scenario, fault), why), why});
+      break;
+    }
+  }
 }
 
 // True if a formula has this word outside texts in quotes.
@@ -289,6 +360,7 @@ std::vector<std::string> ClientProblems(const RunClients& clients, const Scenari
   for (std::size_t i = 0; i < scenario.client_count(); ++i)
     specs.push_back(clients.Of(scenario.client_id(i)));
   FindUnusedGain(scenario, specs, problems);
+  FindUnusedNumbers(scenario, specs, problems);
   for (std::size_t i = 0; i < scenario.client_count(); ++i) {
     const ClientSpec& client = specs[i];
     if (AbilitiesOf(client, false).shipped) {
@@ -314,9 +386,12 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
     std::vector<Problem> problems = UnsupportedFaults(scenario, abilities);
     FindUnconnectedLines(scenario, clients, means.realtime, problems);
     FindUnusedGain(scenario, clients, problems);
+    FindUnusedNumbers(scenario, clients, problems);
+    if (!means.realtime) FindUnstatedComputing(scenario, clients, problems);
     for (std::size_t i = 0; i < clients.size(); ++i) {
       std::filesystem::path file;
       if (const auto* image = std::get_if<EmulatedImage>(&clients[i])) {
+        if (!problems.empty()) continue;  // not every build has an image, and this flight is refused anyway
         FindMissingRegions(images.Read(*image, scenario.firmware_of(i), *scenario.link.protocol), scenario, i,
                            problems);
         file = BoardOf(*image, scenario.firmware_of(i), *scenario.link.protocol).image;

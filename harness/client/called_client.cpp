@@ -13,10 +13,13 @@ namespace {
 
 // Looking for output takes a while.
 constexpr TimeNs kLogPeriod = 12 * kNsPerMs;
+// Limits of what a firmware states: a begin after the present time, and a length on a sound processor.
+constexpr TimeNs kComputeAheadMax = kNsPerS, kComputeMax = 3600 * kNsPerS;
 
 }  // namespace
 
 BootTime CalledClient::Start(BootTime now) {
+  called_ns_ = now;
   const BootTime wake = clock_.When(StartFirmware(clock_.At(now)));
   LogOutput(now);
   return wake;
@@ -24,10 +27,12 @@ BootTime CalledClient::Start(BootTime now) {
 
 void CalledClient::Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
                            std::span<const faults::ReceiveMark> /*marks*/) {
+  called_ns_ = arrival;
   if (!in_reset_) ReceiveInFirmware(uart, clock_.At(arrival), bytes);
 }
 
 BootTime CalledClient::Grant(BootTime now, BootTime /*horizon*/) {
+  called_ns_ = now;
   for (; !clock_events_.empty() && now >= clock_events_.front().time_ns; clock_events_.pop_front())
     host_.event(clock_events_.front());
   // Resets that begin while it is held hold it until the last has ended.
@@ -65,12 +70,38 @@ BootTime CalledClient::Run(BootTime now) {
   return clock_.When(RunFirmware(clock_.At(now)));
 }
 
+TimeNs CalledClient::Compute(TimeNs shown, TimeNs length_ns, TimeNs deadline) {
+  if (!host_.models_computing || length_ns <= 0) return shown;
+  const BootTime begin =
+      std::clamp(clock_.When(std::max<TimeNs>(shown, 0)), called_ns_, called_ns_ + kComputeAheadMax);
+  if (!std::exchange(states_computing_, true))
+    host_.event({.time_ns = begin, .fault = std::nullopt, .kind = kComputesEvent, .text = ""});
+  const Computation computation =
+      ComputeOn(slow_spans_, task_delays_, begin, std::min(length_ns, kComputeMax));
+  for (const std::size_t fault : computation.faults)
+    host_.event({.time_ns = begin,
+                 .fault = fault,
+                 .kind = "computing_stretched",
+                 .text = fmt::format("computing for {:.6g} ms takes {:.6g} ms", ToSeconds(length_ns) * 1e3,
+                                     ToSeconds(computation.end - begin) * 1e3)});
+  const TimeNs end = clock_.At(computation.end);
+  deadline = std::max<TimeNs>(deadline, 0);
+  if (end > deadline)
+    host_.event({.time_ns = begin,
+                 .fault = std::nullopt,
+                 .kind = kDeadlineMissedEvent,
+                 .text = fmt::format("computing ends {:.6g} ms after its deadline",
+                                     ToSeconds(end - deadline) * 1e3)});
+  return end;
+}
+
 void CalledClient::Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
   const auto refuse = [] {
     throw std::logic_error("a library or a program was given a command that it cannot carry out");
   };
   clock_events_ = clock_.Follow(commands, origin);
   task_delays_ = TaskDelays(commands, origin);
+  slow_spans_ = SlowSpans(commands, origin);
   for (const faults::DeviceCommand& command : commands)
     std::visit(Overloaded{[&](const faults::ResetProcessor&) {
                             resets_.push_back({origin.ToBootTime(command.at_ns),
@@ -80,9 +111,9 @@ void CalledClient::Command(const std::vector<faults::DeviceCommand>& commands, O
                           [&](const faults::HangProcessor&) { refuse(); },
                           [&](const faults::StallProcessor&) { refuse(); },
                           [&](const faults::FlipBits&) { refuse(); },
-                          // In force already, in task_delays_ and clock_.
-                          [](const faults::DelayTask&) {}, [](const faults::DriftClock&) {},
-                          [](const faults::JumpClock&) {}},
+                          // In force already, in task_delays_, slow_spans_ and clock_.
+                          [](const faults::DelayTask&) {}, [](const faults::SlowProcessor&) {},
+                          [](const faults::DriftClock&) {}, [](const faults::JumpClock&) {}},
                command.action);
 }
 

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "harness/client/client.h"
+#include "harness/client/computing_time.h"
 #include "harness/client/device_clock.h"
 #include "harness/client/sanitizer.h"
 #include "harness/client/task_delays.h"
@@ -42,6 +43,10 @@ class CalledClient : public Client {
   // Passes complete lines of its output to LogLine(), or also what has no end yet.
   virtual void TakeOutput(bool all) = 0;
 
+  // The firmware computes: firmware/tiltproof_client.h, TiltproofHost.compute. All times are of its clock, and may be
+  // anything.
+  TimeNs Compute(TimeNs shown, TimeNs length_ns, TimeNs deadline);
+
   const ClientHost& host() const { return host_; }
   const DeviceClock& clock() const { return clock_; }
   AbortReport& report() { return report_; }  // in its output
@@ -65,6 +70,9 @@ class CalledClient : public Client {
   DeviceClock clock_;                     // by which it lives; all other times here are true
   std::deque<DeviceEvent> clock_events_;  // to be reported when they happen, in order
   TaskDelays task_delays_;
+  SlowSpans slow_spans_;
+  bool states_computing_ = false;
+  BootTime called_ns_;  // the last call
   BootTime task_held_until_;
   bool in_reset_ = false;
   BootTime held_until_;

@@ -56,6 +56,9 @@ inline constexpr const char* kUnmodelledEvent = "unmodelled_block";
 inline constexpr const char* kStackOverflowEvent = "stack_overflow";
 // The use of the stacks when the flight is over. The client's record keeps it, and the events of the flight do not.
 inline constexpr const char* kStackUseEvent = "stack_use";
+// The firmware states its computing time for the first time; and each computation that ends after its deadline.
+inline constexpr const char* kComputesEvent = "computing_stated";
+inline constexpr const char* kDeadlineMissedEvent = "deadline_missed";
 // Bytes that arrived before the previous byte had been read.
 inline constexpr const char* kOverrunEvent = "uart_overrun";
 
@@ -76,6 +79,7 @@ struct ClientHost {
   std::function<BootTime(Uart uart, BootTime now, std::span<const std::uint8_t> bytes)> transmit;
   std::function<void(BootTime now, std::string_view text)> log;
   std::function<void(const DeviceEvent&)> event = [](const DeviceEvent&) {};
+  bool models_computing = true;  // false: in real time, where computing takes the time that it takes
 };
 
 // Lockstep (see firmware/tiltproof_client.h for the rules).

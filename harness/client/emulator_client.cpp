@@ -272,6 +272,8 @@ class EmulatorClient final : public Client {
                                 lockstep::DelayTask{begin, end, work.delay_ns, work.every_ns, fault});
                           },
                           [&](const faults::FlipBits& flips) { Flip(flips, begin, fault); },
+                          // Refused before the flight.
+                          [](const faults::SlowProcessor&) {},
                           // In force already, in clock_; and refused before the flight.
                           [](const faults::DriftClock&) {}, [](const faults::JumpClock&) {}},
                command.action);

@@ -127,6 +127,17 @@ class LibraryClient final : public CalledClient {
         return client->Log(client->clock().When(now_ns), text == nullptr ? "" : text);
       });
     };
+    interface_.compute = [](void* context, std::int64_t now_ns, std::int64_t length_ns,
+                            std::int64_t deadline_ns) {
+      if (!FirmwareGuard::IsGuardedThread()) {
+        FirmwareGuard::NoteForeignCallBack("host->compute");
+        return now_ns;
+      }
+      return FirmwareGuard::CallBack([&] {
+        auto* client = static_cast<LibraryClient*>(context);
+        return client->over_ ? now_ns : client->Compute(now_ns, length_ns, deadline_ns);
+      });
+    };
     LibraryCoverage::Count(coverage);
     client_ = Guarded(FirmwareCall::kCreate, [&] { return library_.create(&interface_); });
     if (client_ == nullptr) {

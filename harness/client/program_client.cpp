@@ -146,6 +146,12 @@ class ProgramClient final : public CalledClient {
       case ProgramMessage::Kind::kRole:
         if (role_) role_ = static_cast<std::uint32_t>(message.number);
         return;
+      case ProgramMessage::Kind::kCompute: {
+        std::vector<std::uint8_t> answer;
+        AppendComputed(Compute(message.time_ns, message.length_ns, message.deadline_ns), answer);
+        process_->Answer(answer);
+        return;
+      }
       case ProgramMessage::Kind::kLog:
         // Earlier output comes first.
         LogOutput(when);

@@ -58,6 +58,7 @@ constexpr Shape kShapes[] = {
     {ProgramMessage::Kind::kRole, 0, false, 0},
     {ProgramMessage::Kind::kLog, 8, true, 0},
     {ProgramMessage::Kind::kRefused, 0, true, 0},
+    {ProgramMessage::Kind::kCompute, 24, false, 0},
 };
 constexpr int kRoleMax = 2;
 
@@ -98,6 +99,9 @@ void AppendReset(TimeNs shown, bool ask, std::vector<std::uint8_t>& out) {
 }
 void AppendSent(int uart, TimeNs shown, std::vector<std::uint8_t>& out) {
   PutTime(TILTPROOF_PROGRAM_SENT, uart, shown, false, out);
+}
+void AppendComputed(TimeNs shown, std::vector<std::uint8_t>& out) {
+  PutTime(TILTPROOF_PROGRAM_COMPUTED, 0, shown, false, out);
 }
 void AppendEnd(std::vector<std::uint8_t>& out) { PutHead(0, TILTPROOF_PROGRAM_END, 0, false, out); }
 
@@ -172,6 +176,11 @@ ProgramMessage ProgramReader::Read(std::span<const std::uint8_t> head,
       break;
     case ProgramMessage::Kind::kRefused:
       message.text = TextOf(body);
+      break;
+    case ProgramMessage::Kind::kCompute:
+      message.time_ns = time();
+      message.length_ns = tiltproof_get_i64(body.data() + 8);
+      message.deadline_ns = tiltproof_get_i64(body.data() + 16);
       break;
   }
   return message;

@@ -32,6 +32,7 @@ void AppendBytes(int uart, TimeNs shown, std::span<const std::uint8_t> bytes, bo
 void AppendGrant(TimeNs shown, bool ask, std::vector<std::uint8_t>& out);
 void AppendReset(TimeNs shown, bool ask, std::vector<std::uint8_t>& out);
 void AppendSent(int uart, TimeNs shown, std::vector<std::uint8_t>& out);
+void AppendComputed(TimeNs shown, std::vector<std::uint8_t>& out);
 void AppendEnd(std::vector<std::uint8_t>& out);
 
 // A message from the program, that has passed all checks which need no more than itself.
@@ -43,13 +44,15 @@ struct ProgramMessage {
     kStatus = 0x84,
     kRole = 0x85,
     kLog = 0x86,
-    kRefused = 0x87
+    kRefused = 0x87,
+    kCompute = 0x88
   };
   Kind kind{};
   int number = 0;                                 // UART, role
   bool tells_status = false, tells_role = false;  // of ready
   bool ask = false;                               // of transmit
-  TimeNs time_ns = 0;                             // of waiting, transmit, log
+  TimeNs time_ns = 0;                             // of waiting, transmit, log, compute
+  TimeNs length_ns = 0, deadline_ns = 0;          // of compute
   std::uint32_t version = 0;                      // of ready
   std::uint32_t supervisor_state = 0, failsafe_count = 0;
   std::span<const std::uint8_t> bytes;  // of transmit

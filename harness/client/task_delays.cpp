@@ -24,4 +24,14 @@ std::optional<TaskDelays::Hold> TaskDelays::At(BootTime now) const {
   return longest;
 }
 
+BootTime TaskDelays::NextAfter(BootTime now) const {
+  BootTime next = BootTime::Never();
+  for (const Span& span : spans_) {
+    BootTime begin = span.begin;
+    if (now >= begin) begin = now + (span.work.every_ns - (now - span.begin) % span.work.every_ns);
+    if (begin < span.end) next = std::min(next, begin);
+  }
+  return next;
+}
+
 }  // namespace tiltproof::harness

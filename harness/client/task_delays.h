@@ -24,6 +24,8 @@ class TaskDelays {
   };
   // The hold on the task at `now`, the longest of several; nullopt when nothing holds it.
   std::optional<Hold> At(BootTime now) const;
+  // The first time after `now` at which a hold may begin; Never() when there is none.
+  BootTime NextAfter(BootTime now) const;
 
  private:
   struct Span {

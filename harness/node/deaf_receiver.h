@@ -50,6 +50,7 @@ class DeafReceiver {
                                  [](const faults::ResetByWatchdog&) -> Answer { return false; },
                                  [](const faults::HangProcessor&) -> Answer { return true; },
                                  [](const faults::DelayTask&) -> Answer { return std::nullopt; },
+                                 [](const faults::SlowProcessor&) -> Answer { return std::nullopt; },
                                  [](const faults::FlipBits&) -> Answer { return std::nullopt; },
                                  [](const faults::DriftClock&) -> Answer { return std::nullopt; },
                                  [](const faults::JumpClock&) -> Answer { return std::nullopt; }},

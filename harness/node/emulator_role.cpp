@@ -209,8 +209,9 @@ class EmulatorRole final : public Role {
                    [&](const faults::FlipBits&) { at(command.at_ns, [this, &planned] { Flip(planned); }); },
                    [&](const faults::ResetByWatchdog&) { refuse(); },
                    [&](const faults::HangProcessor&) { refuse(); },
-                   [&](const faults::DelayTask&) { refuse(); }, [&](const faults::DriftClock&) { refuse(); },
-                   [&](const faults::JumpClock&) { refuse(); }},
+                   [&](const faults::DelayTask&) { refuse(); },
+                   [&](const faults::SlowProcessor&) { refuse(); },
+                   [&](const faults::DriftClock&) { refuse(); }, [&](const faults::JumpClock&) { refuse(); }},
         command.action);
   }
 

@@ -46,7 +46,8 @@ class LibraryRole final : public Role {
             [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
               return Transmit(uart, Plausible(now), bytes);
             },
-        .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); }};
+        .log = [this](BootTime now, std::string_view text) { Log(Plausible(now), text); },
+        .models_computing = false};
     std::function<std::string()> parameters;
     if (TakesParameters(std::get<HostLibrary>(firmware_), build))
       parameters = [this, &loaded] { return ClientParameters(loaded.scenario, *loaded.model, place_); };

@@ -181,6 +181,11 @@ void ClientChannel::OnEvent(const DeviceEvent& event) {
     totals_.stacks = event.stacks;
     return;
   }
+  if (event.kind == kComputesEvent) {
+    totals_.deadline_missed_count = 0;
+    return;
+  }
+  if (event.kind == kDeadlineMissedEvent && totals_.deadline_missed_count) ++*totals_.deadline_missed_count;
   records_.Write(event.time_ns, record::Event{event.kind, event.text});
   receive_overruns_count_ += event.overruns_count;
   if (!event.block.empty()) totals_.unmodelled_blocks.push_back(event.block);

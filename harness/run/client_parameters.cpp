@@ -158,6 +158,13 @@ std::string GeometryText(const plant::VehicleModel& model) {
                      JoinedBy(hinges), JoinedBy(rotors));
 }
 
+std::string FirmwareParametersText(const Scenario& scenario) {
+  std::vector<std::string> items;
+  for (const FirmwareParameter& parameter : scenario.firmware_parameters)
+    items.push_back(fmt::format("{}: {}", Quoted(parameter.name), parameter.value));
+  return fmt::format("{{{}}}", fmt::join(items, ", "));
+}
+
 std::string GainText(const plant::GainMatrix& gain) {
   std::vector<std::string> rows;
   for (Eigen::Index i = 0; i < gain.rows(); ++i) {
@@ -217,12 +224,12 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
       "{{\"vehicle\": {{\"name\": {}, \"model\": {}, \"mass_kg\": {}}},\n \"control_period_s\": {},\n"
       " \"angular_rates\": \"{}\",\n \"signals\": {},\n \"inputs\": {},\n \"gain\": {},\n"
       " \"states\": {},\n \"geometry\": {},\n \"client\": {{\"id\": {}, \"place\": {}, \"of\": {}}},\n"
-      " \"protocol\": {}}}\n",
+      " \"firmware_parameters\": {},\n \"protocol\": {}}}\n",
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
       SignalsText(scenario, model), InputsText(model), gain, StatesText(model), GeometryText(model),
       Quoted(scenario.client_id(client)), client, scenario.client_count(),
-      ProtocolText(*scenario.link.protocol));
+      FirmwareParametersText(scenario), ProtocolText(*scenario.link.protocol));
 }
 
 }  // namespace tiltproof::harness

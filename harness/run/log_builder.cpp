@@ -165,6 +165,7 @@ void LogBuilder::Add(const Record& of, const record::ClientEnd& end) {
   ClientLog& client = ClientOf(of);
   if (end.failsafe_entered_count) client.failsafe_entered_count = end.failsafe_entered_count;
   if (end.receive_overruns_count) client.receive_overruns_count = end.receive_overruns_count;
+  if (end.deadline_missed_count) client.deadline_missed_count = end.deadline_missed_count;
   if (!end.unmodelled_blocks.empty()) client.unmodelled_blocks = end.unmodelled_blocks;
   if (!end.stacks.empty()) client.stacks = end.stacks;
   if (end.firmware_end) log_.firmware_end = end.firmware_end;

@@ -130,13 +130,14 @@ struct LineEnd {
 
 // Totals of the client; see ClientLog.
 struct ClientEnd {
-  std::optional<std::int64_t> failsafe_entered_count = {}, receive_overruns_count = {};
+  std::optional<std::int64_t> failsafe_entered_count = {}, receive_overruns_count = {},
+                              deadline_missed_count = {};
   std::vector<std::string> unmodelled_blocks = {};
   std::vector<StackUse> stacks = {};
   std::optional<FirmwareEnd> firmware_end = {};
   std::optional<ClientLoss> loss = {};
-  TILTPROOF_FIELDS(failsafe_entered_count, receive_overruns_count, unmodelled_blocks, stacks, firmware_end,
-                   loss)
+  TILTPROOF_FIELDS(failsafe_entered_count, receive_overruns_count, deadline_missed_count, unmodelled_blocks,
+                   stacks, firmware_end, loss)
 };
 
 // Real time: the processor time of a program; `origin`: t = 0 by its node's clock.

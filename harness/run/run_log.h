@@ -180,6 +180,8 @@ struct ClientLog {
       stacks;  // of its image, in the order of their addresses; absent: none measured
   std::optional<std::int64_t> failsafe_entered_count;  // absent when the client cannot say
   std::optional<std::int64_t> receive_overruns_count;  // bytes lost by its receiver; absent as above
+  // Computations that ended after their deadline; absent when the client states no computing time.
+  std::optional<std::int64_t> deadline_missed_count;
   std::vector<TimeNs> request_times_ns;  // arrival at the server of each accepted sensor request
   // When the client sent its message of each period (link::Protocol::PeriodMessage()), before any fault on the line:
   // a request, or a command where the server sends by itself.
@@ -197,9 +199,10 @@ struct ClientLog {
   // For flight.json; the log has a file of its own.
   static constexpr bool kLeavesOutNull = true;
   TILTPROOF_FIELDS(id, counts, accepted_wrong_count, accepted_stale_count, resync_max_ns,
-                   starts_accepted_count, failsafe_entered_count, receive_overruns_count, loss, restarts,
-                   unmodelled_blocks, stacks, request_times_ns, sent_request_times_ns, reply_latency_ns,
-                   actuator_times_ns, client_round_trip_ns, protocol, line_mistakes)
+                   starts_accepted_count, failsafe_entered_count, receive_overruns_count,
+                   deadline_missed_count, loss, restarts, unmodelled_blocks, stacks, request_times_ns,
+                   sent_request_times_ns, reply_latency_ns, actuator_times_ns, client_round_trip_ns, protocol,
+                   line_mistakes)
 };
 
 // The processor time of a firmware's processes while they kept the harness from being on time.

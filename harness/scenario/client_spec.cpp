@@ -194,7 +194,7 @@ void Add(const HostLibrary& library, ClientAbilities& abilities) {
   abilities.virtual_time = abilities.guarded = true;
   abilities.shipped = library.file.empty();
   abilities.clock = true;
-  abilities.reset = abilities.task = !abilities.realtime;
+  abilities.reset = abilities.task = abilities.computing = !abilities.realtime;
 }
 void Add(const EmulatedImage& image, ClientAbilities& abilities) {
   abilities.virtual_time = true;
@@ -203,10 +203,11 @@ void Add(const EmulatedImage& image, ClientAbilities& abilities) {
   abilities.exact_times = abilities.clock = abilities.task = !abilities.realtime;
 }
 void Add(const Program& /*program*/, ClientAbilities& /*abilities*/) {}
-void Add(const LockstepProgram& /*program*/, ClientAbilities& abilities) {
+void Add(const LockstepProgram& program, ClientAbilities& abilities) {
   abilities.virtual_time = true;
   abilities.wall_time = false;
   abilities.clock = abilities.reset = abilities.task = !abilities.realtime;
+  abilities.computing = !abilities.realtime && !program.clocked;
 }
 void Add(const SerialBoard& /*board*/, ClientAbilities& abilities) { abilities.node = false; }
 

@@ -109,6 +109,7 @@ struct ClientAbilities {
   // Faults that it can take:
   bool reset = false;        // it can be reset
   bool task = false;         // the harness can make its task run late
+  bool computing = false;    // it may state its computing time, which the harness can stretch
   bool clock = false;        // the harness gives it its time, and can falsify it
   bool processor = false;    // its processor can be stopped and its memory changed
   bool exact_times = false;  // that, and its receiver, at exact virtual times

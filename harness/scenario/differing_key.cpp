@@ -13,9 +13,13 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr std::array<std::string_view, 13> kMayDiffer = {
-    "format",         "name",           "description", "tags",           "expect", "criteria", "firmware",
-    "allow_restarts", "control_period", "clean_line",  "delay_margin_s", "watch",  "gain"};
+constexpr std::array<std::string_view, 14> kMayDiffer = {"format",         "name",
+                                                         "description",    "tags",
+                                                         "expect",         "criteria",
+                                                         "firmware",       "allow_restarts",
+                                                         "control_period", "clean_line",
+                                                         "delay_margin_s", "watch",
+                                                         "gain",           "firmware_parameters"};
 
 YamlNode Parse(std::string_view yaml) {
   std::vector<YamlProblem> problems;

@@ -45,6 +45,17 @@ std::optional<std::string> Unsupported(const faults::FaultSpec& fault, const fau
       if (abilities.task) return std::nullopt;
       return "delays the task of a firmware in virtual time: fly it in lockstep with host, library:FILE, "
              "program:CMD or an emulated board";
+    case Needs::kComputing:
+      if (abilities.computing) return std::nullopt;
+      if (abilities.processor)
+        return "stretches the computing time that a firmware states, and an image states none: its "
+               "instructions take their time; device.task_delay and device.stall take the processor from it";
+      if (abilities.realtime)
+        return "stretches the computing time that a firmware states in lockstep; in real time computing "
+               "takes "
+               "what it takes";
+      return "stretches the computing time that a firmware states, and this client states none: fly it with "
+             "host, library:FILE or program:CMD";
     case Needs::kProcessor:
       if (abilities.processor) return std::nullopt;
       return "needs an emulated board: fly it with --client qemu";

@@ -245,6 +245,11 @@ void DescribeClient(KeyVisitor& v, ClientEntry& client) {
   v.Text({"firmware", "Build of the firmware; absent: the scenario's `firmware`"}, client.firmware, kWord);
 }
 
+void DescribeFirmwareParameter(KeyVisitor& v, FirmwareParameter& parameter) {
+  v.Text({"name", "Unique in the list, and known to the firmware", kRequired}, parameter.name, kWord);
+  v.Number({"value", "Its value", kRequired}, parameter.value, {-kMax, kMax});
+}
+
 void DescribeFirmware(KeyVisitor& v, Scenario& s) {
   v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, failover, triplex, or lqr for any vehicle"},
          s.firmware, kWord);
@@ -252,6 +257,10 @@ void DescribeFirmware(KeyVisitor& v, Scenario& s) {
           "The gain of the build lqr, and of a library that takes parameters: design, or a CSV file of "
           "design-lqr, relative to the scenario's file"},
          s.gain, kAnyText);
+  ListOf(v,
+         {"firmware_parameters",
+          "Numbers for a library or program that takes parameters; their meaning is the firmware's"},
+         s.firmware_parameters, DescribeFirmwareParameter);
 }
 
 constexpr std::array<Alternative, 5> kArbiters = {{

@@ -109,6 +109,13 @@ struct LineEndId {
 
 inline constexpr std::string_view kOnlyClient = "main";  // id of the client of a scenario that names none
 
+// A number that a firmware takes from the scenario.
+struct FirmwareParameter {
+  std::string name;
+  double value = 0;
+  friend bool operator==(const FirmwareParameter&, const FirmwareParameter&) = default;
+};
+
 // The way in which the commands of several clients become the vehicle's input: docs/redundancy.md.
 enum class ArbiterType : std::uint8_t {
   kSingle,         // those of one client, named beforehand
@@ -160,6 +167,8 @@ struct Scenario {
   // `design`, too.
   std::string gain;
   std::filesystem::path gain_file;  // empty: the gain is designed
+  // For a library or program that takes parameters; the shipped builds take none.
+  std::vector<FirmwareParameter> firmware_parameters;
   Expectation expect;
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
   bool allow_restarts = false;            // of the firmware, that no fault asked for

@@ -62,6 +62,7 @@ class Checker {
     CheckGain();
     CheckClients();
     CheckLines();
+    CheckFirmwareParameters();
     CheckWatch();
     CheckReference();
     CheckFaults();
@@ -469,6 +470,18 @@ class Checker {
       if (scenario_.initial_on_ground) scenario_.initial_position_m[2] = 0;
     } catch (const ReferenceError& error) {
       Complain(*node, "file", fmt::format("file: {}", error.what()));
+    }
+  }
+
+  void CheckFirmwareParameters() {
+    const YamlNode* list = ValueOf(&root_, "firmware_parameters");
+    std::map<std::string_view, YamlMark> names;
+    for (std::size_t i = 0; i < scenario_.firmware_parameters.size(); ++i) {
+      const std::string& name = scenario_.firmware_parameters[i].name;
+      const auto [first, is_new] = names.try_emplace(name, PlaceOf(list->items[i], "name"));
+      if (!is_new && !name.empty())
+        Complain(list->items[i], "name",
+                 fmt::format("name: '{}' is taken already on line {}", name, first->second.line));
     }
   }
 

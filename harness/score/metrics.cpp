@@ -427,6 +427,8 @@ class Calculator {
     SetCount(of_link("accepted_stale_count"), own.accepted_stale_count);
     Set(of_link("resync_max_ms"), Milliseconds(own.resync_max_ns));
     if (own.failsafe_entered_count) SetCount(firmware("failsafe_entered_count"), *own.failsafe_entered_count);
+    if (own.deadline_missed_count)
+      SetCount(TimingName(client, "deadline_missed_count"), *own.deadline_missed_count);
     if (own.receive_overruns_count) SetCount(firmware("receive_overruns_count"), *own.receive_overruns_count);
     if (own.stacks) {
       double share = 0.0;
@@ -513,6 +515,7 @@ const std::vector<std::string>& MetricNames() {
                                     "timing.client_round_trip_max_ms",
                                     "timing.firmware_missed_count",
                                     "timing.silent_at_end_ms",
+                                    "timing.deadline_missed_count",
                                     "timing.harness_overrun_count",
                                     "timing.harness_late_max_ms"};
     for (const std::string direction : {"to_client", "to_plant", "reference"})

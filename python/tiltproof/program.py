@@ -32,8 +32,8 @@ STANDBY, ACTIVE, FAILED = 0, 1, 2
 
 _HEAD = struct.Struct("<IBBBx")
 _TIME = struct.Struct("<q")
-_HELLO, _GRANT, _BYTES, _RESET, _SENT, _END = range(1, 7)
-_READY, _WAITING, _TRANSMIT, _STATUS, _ROLE, _LOG, _REFUSED = range(0x81, 0x88)
+_HELLO, _GRANT, _BYTES, _RESET, _SENT, _END, _COMPUTED = range(1, 8)
+_READY, _WAITING, _TRANSMIT, _STATUS, _ROLE, _LOG, _REFUSED, _COMPUTE = range(0x81, 0x89)
 _KINDS = {_GRANT: "grant", _BYTES: "bytes", _RESET: "reset"}
 _VERSION = 1
 
@@ -107,12 +107,21 @@ class Program:
         if not data:
             return now_ns
         self._send(_TRANSMIT, uart, 1, _TIME.pack(now_ns), data)
+        return self._answer(_SENT, now_ns)
+
+    def compute(self, now_ns: int, length_ns: int, deadline_ns: int = NEVER) -> int:
+        """States that the program computes from now_ns on, for length_ns on a sound processor. Returns when it ends: what
+        depends on the result is to be sent then or later. It costs one more exchange with the harness."""
+        self._send(_COMPUTE, 0, 0, struct.pack("<qqq", now_ns, length_ns, deadline_ns))
+        return self._answer(_COMPUTED, now_ns)
+
+    def _answer(self, kind: int, otherwise_ns: int) -> int:
         self._flush()
         while (message := self._read()) is not None:
-            if message[0] == _SENT:
+            if message[0] == kind:
                 return int(_TIME.unpack(message[2])[0])
             self._later.append(message)
-        return now_ns
+        return otherwise_ns
 
     def status(self, supervisor_state: int, failsafe_count: int) -> None:
         """The supervisor's state and count of fail-safe states: for a program that tells its status."""

@@ -234,6 +234,14 @@ extern std::array<float, 4> command;
 // firmware/lqr/lqr_application.h
 extern const LqrSetup setup;
 
+// firmware/lqr/timed_law.h
+extern const LqrSetup setup;
+extern const Compute compute;
+
+// firmware/ports/host/host_port.h
+extern const TiltproofHost* host;
+extern const std::vector<std::uint8_t> frame;
+
 // firmware/lqr/lqr_sensors.h
 extern const link::Protocol& protocol;
 extern const link::Message message;

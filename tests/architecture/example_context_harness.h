@@ -489,6 +489,11 @@ extern const Record record;
 extern std::vector<double> command;
 extern const TimeNs time_ns;
 
+// harness/client/computing_time.h
+extern const std::vector<faults::DeviceCommand> commands;
+extern Origin origin;
+extern const BootTime now;
+
 // harness/client/task_delays.h
 extern Origin origin;
 extern BootTime wake_ns;

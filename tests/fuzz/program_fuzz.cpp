@@ -27,8 +27,9 @@ struct Reading {
 std::string Shown(const ProgramMessage& message) {
   std::string text = std::to_string(static_cast<int>(message.kind));
   for (const std::int64_t number :
-       {std::int64_t{message.number}, message.time_ns, std::int64_t{message.version},
-        std::int64_t{message.supervisor_state}, std::int64_t{message.failsafe_count}})
+       {std::int64_t{message.number}, message.time_ns, message.length_ns, message.deadline_ns,
+        std::int64_t{message.version}, std::int64_t{message.supervisor_state},
+        std::int64_t{message.failsafe_count}})
     text += " " + std::to_string(number);
   text += message.ask ? " ask " : message.tells_status ? " status " : " ";
   text += message.text;

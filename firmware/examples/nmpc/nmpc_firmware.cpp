@@ -9,32 +9,20 @@
 #include "firmware/examples/nmpc/nmpc_law.h"
 #include "firmware/examples/nmpc/rotorcraft.h"
 #include "firmware/lqr/lqr_application.h"
+#include "firmware/ports/host/host_port.h"
 #include "firmware/ports/host/lqr_parameters.h"
 #include "firmware/tiltproof_client.h"
 
 namespace {
 
 using tiltproof::TimeNs;
+using tiltproof::firmware::HostPort;
 using tiltproof::firmware::LqrApplication;
 using tiltproof::firmware::LqrSetup;
 using tiltproof::firmware::Uart;
 using tiltproof::nmpc::NmpcLaw;
 using tiltproof::nmpc::Options;
 using tiltproof::nmpc::Rotorcraft;
-
-class HostPort final : public tiltproof::firmware::Port {
- public:
-  explicit HostPort(const TiltproofHost& host) : host_(host) {}
-  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
-    return host_.transmit(host_.context, static_cast<int>(uart), now, bytes.data(), bytes.size());
-  }
-  void Log(TimeNs now, const char* text) override {
-    if (host_.log != nullptr) host_.log(host_.context, now, text);
-  }
-
- private:
-  const TiltproofHost host_;
-};
 
 // Output during create explains its failure.
 TiltproofClient* Refuse(const std::string& problem) {
@@ -48,21 +36,17 @@ TiltproofClient* Refuse(const std::string& problem) {
 struct TiltproofClient {
   TiltproofClient(const TiltproofHost& its_host, Rotorcraft its_vehicle, LqrSetup its_setup,
                   const Options& its_options)
-      : host(its_host),
-        port(its_host),
-        vehicle(std::move(its_vehicle)),
-        setup(std::move(its_setup)),
-        options(its_options) {
+      : port(its_host), vehicle(std::move(its_vehicle)), setup(std::move(its_setup)), options(its_options) {
     PowerOn();
   }
   void PowerOn() {
     application.reset();
-    law.emplace(vehicle, options, setup.table.rates_in_world,
-                [](TimeNs now, TimeNs length, TimeNs /*deadline*/) { return now + length; });
+    law.emplace(
+        vehicle, options, setup.table.rates_in_world,
+        [this](TimeNs now, TimeNs length, TimeNs deadline) { return port.Compute(now, length, deadline); });
     application.emplace(setup, *law, port);
   }
 
-  const TiltproofHost host;
   HostPort port;
   const Rotorcraft vehicle;
   const LqrSetup setup;
@@ -79,7 +63,9 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
   if (host == nullptr || host->abi_version != TILTPROOF_CLIENT_ABI_VERSION || host->transmit == nullptr)
     return nullptr;
   std::string problem;
-  const Options options;
+  Options options;
+  if (problem = tiltproof::nmpc::ReadOptions(host->parameters, options); !problem.empty())
+    return Refuse(problem);
   std::optional<Rotorcraft> vehicle = tiltproof::nmpc::ReadRotorcraft(host->parameters, problem);
   if (!vehicle) return Refuse(problem);
   LqrSetup setup;

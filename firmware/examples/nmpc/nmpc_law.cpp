@@ -1,9 +1,11 @@
 #include "firmware/examples/nmpc/nmpc_law.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
+#include "firmware/ports/host/own_numbers.h"
 #include "link/time.h"
 
 namespace tiltproof::nmpc {
@@ -24,6 +26,25 @@ constexpr double kPredictionStep_s = 0.012;
 double Limited(double value, double limit) { return std::clamp(value, -limit, limit); }
 
 }  // namespace
+
+std::string ReadOptions(const char* parameters, Options& options) {
+  double intervals = options.intervals, iterations = options.iterations, sweeps_max = options.sweeps_max,
+         threads = options.threads;
+  const std::array<firmware::OwnNumber, 8> known = {{{"intervals", intervals, 2, 200, true},
+                                                     {"horizon_s", options.horizon_s, 0.02, 10},
+                                                     {"iterations", iterations, 1, 20, true},
+                                                     {"sweeps_max", sweeps_max, 1, 100, true},
+                                                     {"threads", threads, 1, 64, true},
+                                                     {"tilt_max_rad", options.tilt_max_rad, 0.05, 1.4},
+                                                     {"thrust_max_n", options.thrust_max_n, 0, 1e3},
+                                                     {"compute_us", options.compute_us, 0, 1e5}}};
+  std::string problem = firmware::ReadOwnNumbers(parameters, known);
+  options.intervals = static_cast<int>(intervals);
+  options.iterations = static_cast<int>(iterations);
+  options.sweeps_max = static_cast<int>(sweeps_max);
+  options.threads = static_cast<int>(threads);
+  return problem;
+}
 
 NmpcLaw::NmpcLaw(const Rotorcraft& vehicle, const Options& options, bool rates_in_world, Compute compute)
     : vehicle_(vehicle),
@@ -52,23 +73,31 @@ NmpcLaw::Row NmpcLaw::StateOf(std::span<const float> sensed) const {
   return state;
 }
 
-NmpcLaw::Row NmpcLaw::Predicted(Row state, double from_s, double to_s) const {
+NmpcLaw::Row NmpcLaw::Predicted(Row state, double from_s, double to_s, const std::deque<Sent>& sent) const {
   const Row* input = &vehicle_.input_hover;
   std::size_t next = 0;
-  for (; next < sent_.size() && sent_[next].effect_s <= from_s; ++next) input = &sent_[next].input;
+  for (; next < sent.size() && sent[next].effect_s <= from_s; ++next) input = &sent[next].input;
   while (from_s < to_s) {
-    const bool has_next = next < sent_.size() && sent_[next].effect_s < to_s;
-    const double end_s = std::min(has_next ? sent_[next].effect_s : to_s, from_s + kPredictionStep_s);
+    const bool has_next = next < sent.size() && sent[next].effect_s < to_s;
+    const double end_s = std::min(has_next ? sent[next].effect_s : to_s, from_s + kPredictionStep_s);
     state = planner_->Predict(state, *input, disturbance_, end_s - from_s);
     from_s = end_s;
-    if (has_next && end_s >= sent_[next].effect_s) input = &sent_[next++].input;
+    if (has_next && end_s >= sent[next].effect_s) input = &sent[next++].input;
   }
   return state;
 }
 
+NmpcLaw::Row NmpcLaw::ShiftedInput(double at_s) const {
+  // There is nothing to shift before the first plan: the vehicle waits for it with hover's input.
+  Row input = has_plan_ ? planner_->InputAt(at_s) : vehicle_.input_hover;
+  for (std::size_t i = 0; i < input.size(); ++i)
+    input[i] = static_cast<float>(std::clamp(input[i], vehicle_.input_min[i], vehicle_.input_max[i]));
+  return input;
+}
+
 void NmpcLaw::Observe(double sampled_s, const Row& state) {
   if (last_sampled_s_ && sampled_s > *last_sampled_s_ && sampled_s - *last_sampled_s_ < kObserved_s) {
-    const Row expected = Predicted(last_state_, *last_sampled_s_, sampled_s);
+    const Row expected = Predicted(last_state_, *last_sampled_s_, sampled_s, sent_);
     const double rate = 1 / (sampled_s - *last_sampled_s_);
     const std::size_t v = state.size() / 2, w = v + 3;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -98,7 +127,12 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
   TimeNs leaves = turn.now;
   if (!computing_) {
     const double effect_s = ToSeconds(turn.now + last_work_ns_) + kTransport_s;
-    const Row start = Predicted(state, sampled_s, effect_s);
+    // While a plan is late, the shifted one flies.
+    std::deque<Sent> sent = sent_;
+    if (turn.now + last_work_ns_ > turn.deadline)
+      for (double at_s = ToSeconds(turn.now) + kTransport_s; at_s < effect_s; at_s += vehicle_.period_s)
+        sent.push_back({at_s, ShiftedInput(at_s)});
+    const Row start = Predicted(state, sampled_s, effect_s, sent);
     std::vector<PathPoint> path = preview_.Path(effect_s, planner_->lengths_s());
     const Eigen::Vector3d way = path[0].p_m - Eigen::Vector3d(start[0], start[1], start[2]);
     if (const double length_m = way.norm(); length_m > kWay_m)
@@ -115,10 +149,8 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
     }
   }
   const double effect_s = ToSeconds(leaves) + kTransport_s;
-  // There is nothing to shift before the first plan: the vehicle waits for it with hover's input.
-  const Row input = has_plan_ ? planner_->InputAt(effect_s) : vehicle_.input_hover;
-  for (std::size_t i = 0; i < command.size(); ++i)
-    command[i] = static_cast<float>(std::clamp(input[i], vehicle_.input_min[i], vehicle_.input_max[i]));
+  const Row input = ShiftedInput(effect_s);
+  std::copy(input.begin(), input.begin() + static_cast<long>(command.size()), command.begin());
   sent_.push_back({effect_s, Row(command.begin(), command.end())});
   return leaves;
 }

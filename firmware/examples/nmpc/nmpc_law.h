@@ -16,7 +16,6 @@
 
 #include <cstdint>
 #include <deque>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -29,8 +28,10 @@
 
 namespace tiltproof::nmpc {
 
-// States that it computes for so long from `now` on, and that this should end by the deadline. Returns when it ends.
-using Compute = std::function<TimeNs(TimeNs now, TimeNs length, TimeNs deadline)>;
+using firmware::Compute;
+
+// The numbers that a scenario sets (docs/nmpc.md). Returns what is wrong with them; empty: nothing.
+std::string ReadOptions(const char* parameters, Options& options);
 
 class NmpcLaw final : public firmware::CycleLaw {
  public:
@@ -50,8 +51,10 @@ class NmpcLaw final : public firmware::CycleLaw {
   };
 
   Row StateOf(std::span<const float> sensed) const;
-  // From `from_s` to `to_s`, with the inputs that were sent.
-  Row Predicted(Row state, double from_s, double to_s) const;
+  // From `from_s` to `to_s`, with these inputs.
+  Row Predicted(Row state, double from_s, double to_s, const std::deque<Sent>& sent) const;
+  // The input of the plan in force, as it is sent.
+  Row ShiftedInput(double at_s) const;
   void Observe(double sampled_s, const Row& state);
   TimeNs WorkTime(const Work& work) const;
 

@@ -13,7 +13,10 @@
 
 #include "firmware/flight_application.h"
 #include "firmware/lqr/lqr_application.h"
+#include "firmware/lqr/timed_law.h"
+#include "firmware/ports/host/host_port.h"
 #include "firmware/ports/host/lqr_parameters.h"
+#include "firmware/ports/host/own_numbers.h"
 
 namespace {
 
@@ -21,25 +24,13 @@ using tiltproof::TimeNs;
 using tiltproof::firmware::Build;
 using tiltproof::firmware::FindBuild;
 using tiltproof::firmware::FlightApplication;
+using tiltproof::firmware::HostPort;
 using tiltproof::firmware::LqrApplication;
 using tiltproof::firmware::LqrSetup;
+using tiltproof::firmware::OwnNumber;
+using tiltproof::firmware::TimedLaw;
 using tiltproof::firmware::Uart;
 using tiltproof::link::Dialect;
-
-class HostPort final : public tiltproof::firmware::Port {
- public:
-  explicit HostPort(const TiltproofHost& host) : host_(host) {}
-
-  TimeNs Transmit(Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
-    return host_.transmit(host_.context, static_cast<int>(uart), now, bytes.data(), bytes.size());
-  }
-  void Log(TimeNs now, const char* text) override {
-    if (host_.log != nullptr) host_.log(host_.context, now, text);
-  }
-
- private:
-  const TiltproofHost host_;
-};
 
 std::optional<Dialect> FindDialect(const char* name) {
   for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant, Dialect::kHardened}) {
@@ -51,20 +42,30 @@ std::optional<Dialect> FindDialect(const char* name) {
 }  // namespace
 
 struct TiltproofClient {
-  // `build`: null for the build `lqr`, whose numbers and protocol are then in `setup`.
-  TiltproofClient(const TiltproofHost& host, const Build* build_in, LqrSetup setup_in, Dialect dialect_in)
+  TiltproofClient(const TiltproofHost& host, const Build& build_in, Dialect dialect_in)
       : port(host),
-        build(build_in),
-        setup(std::move(setup_in)),
+        build(&build_in),
         dialect(dialect_in),
-        place(build_in == nullptr ? 0 : tiltproof::firmware::ReadPlace(host.parameters)) {
+        place(tiltproof::firmware::ReadPlace(host.parameters)) {
+    PowerOn();
+  }
+  // The build `lqr`. `compute_in`: of one step of its law; 0: computing takes no time.
+  TiltproofClient(const TiltproofHost& host, LqrSetup setup_in, TimeNs compute_in)
+      : port(host), setup(std::move(setup_in)), compute_ns(compute_in) {
     PowerOn();
   }
   void PowerOn() {
-    if (build != nullptr)
+    if (build != nullptr) {
       application.emplace<FlightApplication>(*build, dialect, port, place);
-    else
+    } else if (compute_ns == 0) {
       application.emplace<LqrApplication>(setup, port);
+    } else {
+      application.emplace<std::monostate>();
+      law.emplace(setup.table, compute_ns, [this](TimeNs now, TimeNs length, TimeNs deadline) {
+        return port.Compute(now, length, deadline);
+      });
+      application.emplace<LqrApplication>(setup, *law, port);
+    }
   }
   // Calls `function` with the application.
   template <class Function>
@@ -74,10 +75,12 @@ struct TiltproofClient {
   }
 
   HostPort port;
-  const Build* const build;
+  const Build* const build = nullptr;  // null: lqr
+  const Dialect dialect{};
   const LqrSetup setup;
-  const Dialect dialect;
-  const std::size_t place;  // among the boards on the vehicle
+  const std::size_t place = 0;  // among the boards on the vehicle
+  const TimeNs compute_ns = 0;
+  std::optional<TimedLaw> law;  // where computing takes time
   // One of the two; a reset makes it again in place.
   std::variant<std::monostate, FlightApplication, LqrApplication> application;
 };
@@ -92,14 +95,19 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
     return nullptr;
   }
   const Build* build = FindBuild(host->firmware);
-  LqrSetup setup;
   if (build == nullptr) {
-    if (host->firmware != std::string_view("lqr") || !ReadLqrSetup(host->parameters, setup)) return nullptr;
-    return new (std::nothrow) TiltproofClient(*host, nullptr, std::move(setup), {});
+    LqrSetup setup;
+    double compute_us = 0;
+    const OwnNumber known[] = {{"compute_us", compute_us, 0, 1e6}};
+    if (host->firmware != std::string_view("lqr") || !ReadLqrSetup(host->parameters, setup) ||
+        !tiltproof::firmware::ReadOwnNumbers(host->parameters, known).empty())
+      return nullptr;
+    return new (std::nothrow)
+        TiltproofClient(*host, std::move(setup), static_cast<TimeNs>(compute_us * tiltproof::kNsPerUs));
   }
   const std::optional<Dialect> dialect = FindDialect(host->dialect);
   if (!dialect) return nullptr;
-  return new (std::nothrow) TiltproofClient(*host, build, {}, *dialect);
+  return new (std::nothrow) TiltproofClient(*host, *build, *dialect);
 }
 
 void tiltproof_client_destroy(TiltproofClient* client) { delete client; }

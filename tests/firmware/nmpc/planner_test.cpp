@@ -136,5 +136,24 @@ TEST(NmpcLawTest, AQuickPlanLeavesWhenItIsReady) {
   EXPECT_EQ(leaves, 3 * kMs);  // 20 intervals, two works on each
 }
 
+TEST(NmpcLawTest, RefusesNumbersThatItDoesNotKnow) {
+  Options options;
+  EXPECT_EQ(ReadOptions(R"({"firmware_parameters": {"intervals": 7, "tilt_max_rad": 0.25}})", options), "");
+  EXPECT_EQ(options.intervals, 7);
+  EXPECT_EQ(options.tilt_max_rad, 0.25);
+  for (const char* none : {"", "{}", "[1", R"({"firmware_parameters": null})"})
+    EXPECT_EQ(ReadOptions(none, options), "") << none;
+  EXPECT_EQ(
+      ReadOptions(R"({"firmware_parameters": {"horizon": 1}})", options),
+      "firmware_parameters: this firmware has no horizon; it has intervals horizon_s iterations sweeps_max "
+      "threads tilt_max_rad thrust_max_n compute_us");
+  for (const char* wrong : {"0", "1.5", "65", "null", "\"2\""})
+    EXPECT_NE(
+        ReadOptions((R"({"firmware_parameters": {"threads": )" + std::string(wrong) + "}}").c_str(), options)
+            .find("threads is a whole number from 1.0 to 64.0"),
+        std::string::npos)
+        << wrong;
+}
+
 }  // namespace
 }  // namespace tiltproof::nmpc

@@ -49,8 +49,9 @@ TEST(LibraryClient, LoadsLibrariesOfEarlierVersions) {
   EXPECT_THAT(log, ElementsAre("any"));
   EXPECT_FALSE(asked);
   EXPECT_FALSE(LibraryMistake(TILTPROOF_VERSION_1_CLIENT));
-  EXPECT_THAT(LibraryMistake(TILTPROOF_VERSION_3_CLIENT).value_or(""),
-              HasSubstr("built for client interface version 3, this tiltproof has versions 1 to 2"));
+  EXPECT_FALSE(LibraryMistake(TILTPROOF_VERSION_2_CLIENT));
+  EXPECT_THAT(LibraryMistake(TILTPROOF_VERSION_4_CLIENT).value_or(""),
+              HasSubstr("built for client interface version 4, this tiltproof has versions 1 to 3"));
 }
 
 TEST(LibraryClient, PassesParameters) {

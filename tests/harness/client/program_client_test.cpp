@@ -95,6 +95,28 @@ TEST(ProgramClient, IsToldWhenBytesHaveLeft) {
   EXPECT_THAT(board.sent, ElementsAre("0@3:x"));
 }
 
+TEST(ProgramClient, StatesItsComputing) {
+  ProgramBoard board("until = program.compute(now, 1000000, now + 2000000)");
+  const std::vector<faults::DeviceCommand> commands = {
+      {.at_ns = 0, .until_ns = 10'500'000, .fault = 0, .action = faults::SlowProcessor{.factor = 3}}};
+  board.client->Command(commands, kOriginAtPowerOn);
+  EXPECT_EQ(board.client->Start(BootTime(0)), BootTime(3'000'000));
+  EXPECT_THAT(board.events, ElementsAre(kComputesEvent, "computing_stretched", kDeadlineMissedEvent));
+  board.events.clear();
+  // Half a millisecond at a third of the speed, and the rest.
+  EXPECT_EQ(board.client->Grant(BootTime(9'900'000), BootTime(0)), BootTime(11'300'000));
+  EXPECT_EQ(board.client->Grant(BootTime(20'000'000), BootTime(0)), BootTime(21'000'000));
+  EXPECT_THAT(board.events, ElementsAre("computing_stretched"));
+}
+
+// Whatever times a program states.
+TEST(ProgramClient, AnyComputingEnds) {
+  ProgramBoard board(
+      "until = max(program.compute(a, b, c) for a in (-2**63, 0, 2**63 - 1) for b in (1, 2**63 - 1) "
+      "for c in (-2**63, 2**63 - 1))");
+  EXPECT_EQ(board.client->Start(BootTime(0)), BootTime(3601 * kNsPerS));
+}
+
 TEST(ProgramClient, ResetsAndRunsOnAClockThatIsWrong) {
   ProgramBoard board("program.transmit(MAIN, now, event.kind.encode()); until = now + 1000000");
   board.client->Start(BootTime(0));

@@ -54,9 +54,11 @@ TEST(ProgramMessages, AreTheBytesOfThePage) {
   AppendReset(0, true, out);
   AppendSent(0, 1, out);
   AppendEnd(out);
+  AppendComputed(2, out);
   EXPECT_THAT(out, ElementsAreArray(
                        Hex("09000000 03 01 01 00 FFFFFFFFFFFFFFFF 7E  08000000 04 00 01 00 0000000000000000"
-                           "08000000 05 00 00 00 0100000000000000  00000000 06 00 00 00")));
+                           "08000000 05 00 00 00 0100000000000000  00000000 06 00 00 00"
+                           "08000000 07 00 00 00 0200000000000000")));
 }
 
 TEST(ProgramMessages, AreReadInAnyPieces) {
@@ -65,7 +67,8 @@ TEST(ProgramMessages, AreReadInAnyPieces) {
           "02000000 03000000"
           "00000000 85 02 00 00  0A000000 86 00 00 00 0500000000000000 6869  08000000 82 00 00 00 "
           "FFFFFFFFFFFFFF7F"
-          "03000000 87 00 00 00 6E6F00");
+          "03000000 87 00 00 00 6E6F00"
+          "18000000 88 00 00 00 0100000000000000 0200000000000000 FFFFFFFFFFFFFF7F");
   for (std::size_t piece = 1; piece <= stream.size(); ++piece) {
     ProgramReader reader;
     std::string seen;
@@ -77,12 +80,16 @@ TEST(ProgramMessages, AreReadInAnyPieces) {
                 std::string(message->text) + ":" + std::to_string(message->bytes.size()) + ":" +
                 std::to_string(message->version) + std::to_string(message->supervisor_state) +
                 std::to_string(message->failsafe_count) + (message->ask ? "?" : "") +
-                (message->tells_status ? "s" : "") + " ";
+                (message->tells_status ? "s" : "") +
+                (message->length_ns != 0
+                     ? std::to_string(message->length_ns) + "," + std::to_string(message->deadline_ns)
+                     : "") +
+                " ";
       }
     }
     EXPECT_EQ(seen,
               "1:0:0::0:100s 3:1:12000000::2:000? 4:0:0::0:023 5:2:0::0:000 6:0:5:hi:0:000 "
-              "2:0:9223372036854775807::0:000 7:0:0:no:0:000 ");
+              "2:0:9223372036854775807::0:000 7:0:0:no:0:000 8:0:1::0:0002,9223372036854775807 ");
     EXPECT_EQ(reader.offset(), stream.size());
   }
 }
@@ -98,6 +105,7 @@ TEST(ProgramMessages, AreRefusedWithTheirBytesAndOffset) {
   EXPECT_THAT(Refusal("01001000 83 00 00 00"), HasSubstr("a body of 1048577 bytes"));
   EXPECT_THAT(Refusal("FFFFFFFF 86 00 00 00"), HasSubstr("a body of 4294967295 bytes"));
   EXPECT_THAT(Refusal("09000000 83 02 00 00"), HasSubstr("number 2 for kind 131, which has at most 1,"));
+  EXPECT_THAT(Refusal("10000000 88 00 00 00"), HasSubstr("a body of 16 bytes for kind 136, which has 24,"));
   EXPECT_THAT(Refusal("00000000 85 03 00 00"), HasSubstr("number 3 for kind 133"));
   EXPECT_THAT(Refusal("08000000 82 01 00 00"), HasSubstr("number 1 for kind 130"));
   EXPECT_THAT(Refusal("08000000 82 00 01 00"), HasSubstr("flags that kind 130 does not have"));
