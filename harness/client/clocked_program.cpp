@@ -6,8 +6,6 @@
 #include <sys/xattr.h>
 #include <unistd.h>
 
-#include <algorithm>
-#include <array>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
@@ -16,17 +14,10 @@
 #include <vector>
 
 #include "harness/client/firmware_files.h"
+#include "harness/client/preload/launchers.h"
 
 namespace tiltproof::harness {
 namespace {
-
-// Those that start the program are not it (harness/client/preload/preload.cpp has the same ones).
-constexpr std::array<std::string_view, 11> kLaunchers = {
-    "sh", "dash", "bash", "busybox", "env", "nice", "ionice", "taskset", "stdbuf", "setarch", "chrt"};
-
-bool IsLauncher(const std::filesystem::path& file) {
-  return std::find(kLaunchers.begin(), kLaunchers.end(), file.filename().string()) != kLaunchers.end();
-}
 
 // The file that a shell would run; empty: there is none.
 std::filesystem::path Found(const std::string& word) {
@@ -81,7 +72,7 @@ bool HasInterpreter(std::ifstream& in, const Elf64_Ehdr& header) {
 }
 
 std::optional<std::string> MistakeOf(const std::filesystem::path& file, int depth) {
-  if (file.empty() || IsLauncher(file)) return std::nullopt;
+  if (file.empty() || IsLauncher(file.filename().string())) return std::nullopt;
   struct stat status {};
   if (stat(file.c_str(), &status) != 0) return std::nullopt;
   std::ifstream in(file, std::ios::binary);

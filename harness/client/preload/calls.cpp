@@ -580,10 +580,15 @@ long OfUnknownThread(const Call& call) {
       return Pass(call);
     case SYS_futex:
       if ((call.a[1] & 127) != 0 || call.a[3] == 0) return Pass(call);
-      [[fallthrough]];
+      break;
+    case SYS_rt_sigtimedwait:
+      if (call.a[0] != 0 && (*As<const std::uint64_t>(call.a[0]) & 1ULL << (kTimerHelperSignal - 1)) != 0)
+        RefuseTimerThreads();
+      break;
     default:
-      Refuse("a thread that pthread_create() did not start (clone, or a helper of the C library) waits");
+      break;
   }
+  Refuse("a thread that pthread_create() did not start (clone, or a helper of the C library) waits");
 }
 
 }  // namespace

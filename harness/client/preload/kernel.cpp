@@ -170,6 +170,9 @@ void OnSegment(int, siginfo_t* info, void* raw) {
     trap.cycles();
   // The instruction runs again and crashes as the program wanted it.
   Kernel(SYS_rt_sigaction, SIGSEGV, &segment_action, nullptr, sizeof segment_action.mask);
+  // There is no instruction where a process has sent the signal, as the handler of a sanitizer does.
+  if (info->si_code <= 0)
+    Kernel(SYS_rt_tgsigqueueinfo, Kernel(SYS_getpid), Kernel(SYS_gettid), SIGSEGV, info);
 }
 
 // Sets a handler that no signal interrupts, not even those that the C library keeps for itself (pthread_cancel()).

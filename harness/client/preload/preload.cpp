@@ -15,6 +15,7 @@
 #include "harness/client/preload/calls.h"
 #include "harness/client/preload/harness_line.h"
 #include "harness/client/preload/kernel.h"
+#include "harness/client/preload/launchers.h"
 #include "harness/client/preload/ports.h"
 #include "harness/client/preload/threads.h"
 #include "harness/client/preload/timers.h"
@@ -22,17 +23,11 @@
 namespace tiltproof::preload {
 namespace {
 
-// Programs that start the firmware, as `sh -c CMD` does: they fly in the machine's time.
-constexpr const char* kLaunchers[] = {"sh",     "dash",    "bash",   "busybox", "env", "nice",
-                                      "ionice", "taskset", "stdbuf", "setarch", "chrt"};
-
-bool IsLauncher() {
+bool IsInLauncher() {
   char file[4096] = {};
   if (readlink("/proc/self/exe", file, sizeof file - 1) < 0) return false;
   const char* slash = std::strrchr(file, '/');
-  for (const char* name : kLaunchers)
-    if (slash != nullptr && std::strcmp(slash + 1, name) == 0) return true;
-  return false;
+  return slash != nullptr && IsLauncher(slash + 1);
 }
 
 void RefuseIf(const char* trouble) {
@@ -46,7 +41,7 @@ __attribute__((constructor)) void Begin() {
   if (socket == nullptr || *socket == 0 || port == nullptr || reference_port == nullptr) return;
   // Helpers of a script that starts the firmware (`exec`) are processes of their own, and no firmware.
   if (getpid() != getpgrp()) return;
-  if (IsLauncher()) {
+  if (IsInLauncher()) {
     // The same addresses in each flight: a program may sort by them. Holds from the next exec on.
     personality(static_cast<unsigned long>(personality(0xffffffff)) | ADDR_NO_RANDOMIZE);
     return;

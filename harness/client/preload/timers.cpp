@@ -144,13 +144,13 @@ void CloseTimerDescriptor(long descriptor) {
   if (Timer* timer = OfDescriptor(descriptor)) timer->used = false;
 }
 
+void RefuseTimerThreads() { Refuse("it makes a timer that starts threads (SIGEV_THREAD)"); }
+
 long CreateTimer(int clock, const void* raw, int* id) {
   const auto* event = static_cast<const sigevent*>(raw);
   if (clock != CLOCK_MONOTONIC && clock != CLOCK_REALTIME && clock != CLOCK_BOOTTIME)
     Refuse("it makes a timer on a clock of processor time");
-  constexpr int kHelperSignal = 32;  // of the C library, whose own thread then starts others
-  if (event != nullptr && event->sigev_signo == kHelperSignal)
-    Refuse("it makes a timer that starts threads (SIGEV_THREAD)");
+  if (event != nullptr && event->sigev_signo == kTimerHelperSignal) RefuseTimerThreads();
   Timer* timer = NewTimer();
   if (timer == nullptr) return -EAGAIN;
   *id = static_cast<int>(timer - timers);

@@ -27,6 +27,10 @@ long SetTimer(int id, int flags, const itimerspec* value, itimerspec* old);
 long GetTimer(int id, itimerspec* value);
 long DeleteTimer(int id);
 
+// The signal by which the C library's own thread waits for timers that start threads (SIGEV_THREAD).
+inline constexpr int kTimerHelperSignal = 32;
+[[noreturn]] void RefuseTimerThreads();
+
 // The timer of setitimer(ITIMER_REAL) and alarm(): SetTimer() and GetTimer() take it.
 inline constexpr int kIntervalTimer = 0;
 

@@ -11,7 +11,8 @@ import sys
 import time
 import unittest
 
-from command_line import PROGRAM, CommandLineTest
+from command_line import PROGRAM
+from program_flights import ProgramFlights
 
 SOURCE, CLIENTS = (pathlib.Path(word).resolve() for word in sys.argv[2:4])
 LIBRARY = f"library:{PROGRAM.parent / 'lib/minimal_firmware.so'}"
@@ -28,34 +29,12 @@ FAULTS = {
 }
 
 
-class ClockedTest(CommandLineTest):
-    def flown(self, *paths, client, flags=()):
-        """Exit code, what was printed, results by name."""
-        code, out, err = self.tiltproof("run", *paths, "--client", client, "--no-report", *flags)
-        return code, out + err, {entry["name"]: entry for entry in self.results()["scenarios"]}
-
+class ClockedTest(ProgramFlights):
     def write(self, names):
         for name in names:
             fault = FAULTS[name]
             self.scenario(name, **({"criteria:": f"faults:\n  - {fault}\ncriteria:"} if fault else {}))
         return [f"{name}.yaml" for name in names]
-
-    def processes(self):
-        found = []
-        for process in pathlib.Path("/proc").glob("[0-9]*"):
-            try:
-                if str(self.folder) in os.readlink(process / "cwd") and int(process.name) != os.getpid():
-                    found.append((process / "cmdline").read_text())
-            except OSError:
-                pass
-        return found
-
-    def await_none(self):
-        for _ in range(100):
-            if not self.processes():
-                return
-            time.sleep(0.1)
-        self.assertEqual(self.processes(), [])
 
     def test_a_posix_program_has_the_bits_of_a_library(self):
         paths = self.write(FAULTS)

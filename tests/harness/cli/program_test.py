@@ -2,7 +2,6 @@
 """Programs in lockstep (`--client program:CMD`), as a user sees them: the bits of a library, and what becomes of programs
 that do what they must not. Usage: program_test.py TILTPROOF SOURCE_DIR"""
 import json
-import os
 import pathlib
 import shutil
 import signal
@@ -11,7 +10,8 @@ import sys
 import time
 import unittest
 
-from command_line import PROGRAM, CommandLineTest
+from command_line import PROGRAM
+from program_flights import ProgramFlights
 
 SOURCE = pathlib.Path(sys.argv[2]).resolve()
 LIBRARY = f"library:{PROGRAM.parent / 'lib/minimal_firmware.so'}"
@@ -33,34 +33,11 @@ def python(way):
     return f"program:{sys.executable} {CLIENT} {SOURCE} {way}"
 
 
-class ProgramTest(CommandLineTest):
-    def flown(self, *paths, client, flags=()):
-        """Exit code, what was printed, results by name."""
-        code, out, err = self.tiltproof("run", *paths, "--client", client, "--no-report", *flags)
-        return code, out + err, {entry["name"]: entry for entry in self.results()["scenarios"]}
-
+class ProgramTest(ProgramFlights):
     def misbehaving(self, way, flags=()):
         self.scenario(way)
         code, text, results = self.flown(f"{way}.yaml", client=python(way), flags=flags)
         return code, text, results[way]
-
-    def processes(self):
-        """Those that the test's programs are."""
-        found = []
-        for process in pathlib.Path("/proc").glob("[0-9]*"):
-            try:
-                if str(self.folder) in os.readlink(process / "cwd") and int(process.name) != os.getpid():
-                    found.append((process / "cmdline").read_text())
-            except OSError:
-                pass
-        return found
-
-    def await_none(self):
-        for _ in range(100):
-            if not self.processes():
-                return
-            time.sleep(0.1)
-        self.assertEqual(self.processes(), [])
 
     def test_same_code_has_the_bits_of_a_library(self):
         for name, fault in FAULTS.items():
@@ -214,17 +191,6 @@ class ProgramTest(CommandLineTest):
         self.assertEqual(code, 0, out + err)
         code, _, err = self.tiltproof("check", "hover.yaml", "--client", "program:./missing")
         self.assertEqual(code, 2, err)
-
-    def test_commands_that_fly_many_flights(self):
-        self.scenario("late", **{"criteria:": f"faults:\n  - {FAULTS['late']}\ncriteria:"})
-        told = []
-        for client in (LIBRARY, MINIMAL):
-            code, out, err = self.tiltproof("margin", "late.yaml", "--fault", "late", "--repeats", "1", "--tolerance", "0.3", "-j", "2", "--client", client)
-            self.assertIn(code, (0, 1), out + err)
-            told.append([line for line in out.splitlines() if "client" not in line and "results" not in line])
-        self.assertEqual(*told)
-        code, out, err = self.tiltproof("fuzz", "--client", MINIMAL, "--runs", "60", "-j", "2", "--no-progress")
-        self.assertIn(code, (0, 1), out + err)
 
 
 if __name__ == "__main__":
