@@ -161,7 +161,7 @@ TEST(MinimiseFaults, NoFaultCanBeLeftOutWhateverThePredicate) {
   }
 }
 
-// What is asked next is the first question after one of the two guesses.
+// The next question is one of the first two, whatever the answer.
 TEST(Foreseen, HasTheNextQuestionWhateverTheAnswer) {
   faults::Random random(6);
   Planted planted{WithFaults(20), Needs(Draw(random, 20, 2))};
