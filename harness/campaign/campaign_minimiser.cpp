@@ -26,16 +26,11 @@ struct FaultsSearch {
 
   // Its next question; none: it has ended, with the result.
   std::optional<Scenario> Next(SmallestFailure& result) const {
-    std::size_t asked = 0;
-    std::optional<Scenario> question;
-    result = MinimiseFaults(scenario,
-                            [&](const Scenario& smaller) -> std::optional<Flown> {
-                              if (asked < answers.size()) return answers[asked++];
-                              if (!question) question = smaller;
-                              return std::nullopt;
-                            },
-                            {.runs_max = kFlightsMax});
-    return question;
+    return NextQuestion(
+        [&](const Evaluate& evaluate) {
+          return MinimiseFaults(scenario, evaluate, {.runs_max = kFlightsMax});
+        },
+        answers, result);
   }
 };
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <map>
 #include <utility>
 
@@ -384,6 +385,42 @@ SmallestFailure MinimiseFailure(const Scenario& scenario, const VehicleSignals& 
     search.ShortenFlight();
   }
   return search.End();
+}
+
+std::optional<Scenario> NextQuestion(const FailureSearch& search, std::span<const Flown> answers,
+                                     SmallestFailure& result) {
+  std::size_t asked = 0;
+  std::optional<Scenario> question;
+  result = search([&](const Scenario& smaller) -> std::optional<Flown> {
+    if (asked < answers.size()) return answers[asked++];
+    if (!question) question = smaller;
+    return std::nullopt;
+  });
+  return question;
+}
+
+std::vector<Scenario> Foreseen(const FailureSearch& search, std::span<const Flown> answers,
+                               std::size_t count) {
+  std::vector<Scenario> foreseen;
+  if (answers.empty()) return foreseen;
+  const Flown passes{.criterion = {}, .activations = {}};
+  // As the last one that failed.
+  const Flown fails = *std::find_if(answers.rbegin(), answers.rend() - 1, [&](const Flown& flown) {
+    return flown.criterion == answers[0].criterion;
+  });
+  std::deque<std::vector<Flown>> guesses;  // the nearest first
+  const auto guess = [&](const std::vector<Flown>& known) {
+    for (const Flown& answer : {passes, fails}) guesses.emplace_back(known).push_back(answer);
+  };
+  for (guess({answers.begin(), answers.end()}); !guesses.empty() && foreseen.size() < count;
+       guesses.pop_front()) {
+    SmallestFailure result;
+    if (auto question = NextQuestion(search, guesses.front(), result)) {
+      foreseen.push_back(*std::move(question));
+      guess(guesses.front());
+    }
+  }
+  return foreseen;
 }
 
 }  // namespace tiltproof::harness

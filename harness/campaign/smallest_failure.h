@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -70,5 +71,17 @@ SmallestFailure MinimiseFaults(const Scenario& scenario, const Evaluate& evaluat
 // of two levels on a logarithmic scale without such a distance, the length to two control periods.
 SmallestFailure MinimiseFailure(const Scenario& scenario, const VehicleSignals& signals,
                                 const Evaluate& evaluate, const MinimiseFailureOptions& options);
+
+// One of the two searches, with its scenario and options: it asks only by `evaluate`.
+using FailureSearch = std::function<SmallestFailure(const Evaluate& evaluate)>;
+
+// The question that a search asks after these answers to those before; none: it has ended, with `result`.
+std::optional<Scenario> NextQuestion(const FailureSearch& search, std::span<const Flown> answers,
+                                     SmallestFailure& result);
+
+// Questions that may come after the one that is open: the answers so far are known, and the others are guessed both ways.
+// The nearest come first; `count` is the most. Empty before the first answer.
+std::vector<Scenario> Foreseen(const FailureSearch& search, std::span<const Flown> answers,
+                               std::size_t count);
 
 }  // namespace tiltproof::harness

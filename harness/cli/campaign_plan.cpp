@@ -130,6 +130,17 @@ void CheckTimes(const CampaignSpec& spec, const Scenario& scenario) {
                     latest_s, scenario.name));
 }
 
+// Names of files and folders have characters that a campaign's name may not have (kNameRule).
+std::string CampaignName(std::string text) {
+  const auto is_plain = [](char c) {
+    return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z');
+  };
+  for (char& c : text)
+    if (!is_plain(c) && c != '_' && c != '.') c = '-';
+  if (text.empty() || !is_plain(text.front())) text.insert(0, "campaign-");
+  return text.substr(0, kNameRule.length_max);
+}
+
 }  // namespace
 
 Shard ReadShard(const std::string& text) {
@@ -153,7 +164,7 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options) {
   campaign.means = LockstepMeans(ReadClientFlags(options.clients), "campaign");
   const Suite suite = LoadBases(spec, campaign.means);
   CheckReady(campaign.means);
-  if (spec.name.empty()) spec.name = suite.name;
+  if (spec.name.empty()) spec.name = CampaignName(suite.name);
   spec.scenarios.clear();
   for (const SuiteScenario& base : suite.scenarios) {
     spec.scenarios.push_back(std::filesystem::absolute(base.scenario.file).string());

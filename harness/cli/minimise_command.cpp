@@ -2,7 +2,9 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <chrono>
 #include <future>
+#include <map>
 #include <memory>
 
 #include "harness/campaign/smallest_failure.h"
@@ -36,6 +38,7 @@ struct MinimiseOptions {
   std::optional<std::uint64_t> seed;
   std::vector<std::string> clients;
   std::string firmware;  // as of RunOptions
+  int jobs_count = 1;
 };
 
 // A flight's folder has its scenario, and the run's its clients, unless the command line names others.
@@ -52,42 +55,73 @@ void OpenFlight(MinimiseOptions& options) {
     options.clients.push_back(fmt::format("{}={}", id, client));
 }
 
-// The flights of a search, one after the other.
+// The flights of a search. It asks for one after the other; with several jobs, flights that it may ask for next fly
+// beside it.
 class Flights {
  public:
-  Flights(const SuiteScenario& entry, FlightMeans means)
+  Flights(const SuiteScenario& entry, FlightMeans means, FailureSearch search, int jobs_count)
       : model_(entry.model),
         means_(std::move(means)),
-        engine_({.tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); },
+        search_(std::move(search)),
+        jobs_count_(static_cast<std::size_t>(jobs_count)),
+        engine_({.jobs_count = jobs_count,
+                 .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); },
                  .interrupted = InterruptScope::flag()}) {}
 
-  // Flies what its file would hold, so that the file fails as it did here.
   std::optional<Flown> Fly(const Scenario& candidate) {
-    Scenario scenario;
-    try {
-      scenario = ReadResolvedText(WriteResolved(candidate), models_);
-    } catch (const ScenarioError&) {
-      return Flown{.criterion = {}, .activations = {}, .was_flown = false};
+    const std::string text = WriteResolved(candidate);
+    if (!Begin(candidate, text)) {
+      answers_.push_back({.criterion = {}, .activations = {}, .was_flown = false});
+      return answers_.back();
     }
-    std::future<FlightResult> flown =
-        engine_.Submit(FlightJob{.name = fmt::format("{} {}", candidate.name, ++count_),
-                                 .scenario = std::move(scenario),
-                                 .model = model_,
-                                 .means = means_,
-                                 .replay = {}});
-    while (!engine_.idle()) engine_.Poll();
+    if (jobs_count_ > 1 && !IsReady(begun_.at(text)))
+      for (const Scenario& next : Foreseen(search_, answers_, jobs_count_ - 1))
+        if (FlyingCount() < jobs_count_) Begin(next, WriteResolved(next));
+    while (!IsReady(begun_.at(text)) && !engine_.idle()) engine_.Poll();
     if (*InterruptScope::flag()) return std::nullopt;
-    last_ = flown.get();
-    return FlownAs(last_);
+    last_ = begun_.extract(text).mapped().get();
+    answers_.push_back(FlownAs(last_));
+    return answers_.back();
   }
 
   const FlightResult& last() const { return last_; }
 
  private:
+  using Future = std::future<FlightResult>;
+  static bool IsReady(const Future& flight) {
+    return flight.wait_for(std::chrono::seconds(0)) == std::future_status::ready;
+  }
+  std::size_t FlyingCount() const {
+    return static_cast<std::size_t>(
+        std::ranges::count_if(begun_, [](const auto& flight) { return !IsReady(flight.second); }));
+  }
+
+  // Flies what its file would hold, so that the file fails as it did here. False if that is not valid.
+  bool Begin(const Scenario& candidate, const std::string& text) {
+    if (begun_.contains(text)) return true;
+    Scenario scenario;
+    try {
+      scenario = ReadResolvedText(text, models_);
+    } catch (const ScenarioError&) {
+      return false;
+    }
+    begun_[text] = engine_.Submit(FlightJob{.name = fmt::format("{} {}", candidate.name, ++count_),
+                                            .scenario = std::move(scenario),
+                                            .model = model_,
+                                            .means = means_,
+                                            .replay = {}});
+    return true;
+  }
+
   std::shared_ptr<const plant::VehicleModel> model_;
   FlightMeans means_;
+  FailureSearch search_;
+  std::size_t jobs_count_;
   ModelCache models_;
   Engine engine_;
+  std::map<std::string, Future>
+      begun_;  // by text; a flight that was asked for is gone, so the last one is flown again
+  std::vector<Flown> answers_;
   std::size_t count_ = 0;
   FlightResult last_;
 };
@@ -147,12 +181,16 @@ int MinimiseCommand(MinimiseOptions options) {
   CheckOwnFile(options.out, kFirstWords);
 
   const InterruptScope scope;
-  Flights flights(entry, means);
-  SmallestFailure smallest = MinimiseFailure(named, entry.model->signals(),
-                                             [&](const Scenario& scenario) { return flights.Fly(scenario); },
-                                             {.runs_max = options.runs_max,
-                                              .has_sensor_noise = plant::HasNoise(entry.model->sensors),
-                                              .on_step = PrintStep});
+  MinimiseFailureOptions search_options{.runs_max = options.runs_max,
+                                        .has_sensor_noise = plant::HasNoise(entry.model->sensors)};
+  const auto search = [&named, &entry, search_options](const Evaluate& evaluate) {
+    return MinimiseFailure(named, entry.model->signals(), evaluate, search_options);
+  };
+  Flights flights(entry, means, search, options.jobs_count);
+  search_options.on_step = PrintStep;
+  SmallestFailure smallest = MinimiseFailure(
+      named, entry.model->signals(), [&](const Scenario& scenario) { return flights.Fly(scenario); },
+      search_options);
   if (smallest.interrupted && !smallest.fails()) {
     Print(stderr, "tiltproof: minimise: interrupted in the first flight; nothing was written\n");
     return kExitInterrupted;
@@ -196,6 +234,7 @@ void RegisterMinimise(CLI::App& program, CommandLine& line) {
   AddSeed(*command, options->seed, "Overrides the scenario's seed");
   AddClients(*command, options->clients);
   AddFirmware(*command, options->firmware);
+  AddJobs(*command, options->jobs_count);
   SetAction(*command, line, [options] { return MinimiseCommand(*options); });
 }
 

@@ -19,6 +19,7 @@
 namespace tiltproof::harness {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
@@ -158,6 +159,30 @@ TEST(MinimiseFaults, NoFaultCanBeLeftOutWhateverThePredicate) {
       EXPECT_FALSE(fails(without)) << trial;
     }
   }
+}
+
+// The next question is one of the first two, whatever the answer.
+TEST(Foreseen, HasTheNextQuestionWhateverTheAnswer) {
+  faults::Random random(6);
+  Planted planted{WithFaults(20), Needs(Draw(random, 20, 2))};
+  const FailureSearch search = [&](const Evaluate& evaluate) {
+    return MinimiseFailure(planted.scenario, TiltRotorSignals(), evaluate, {});
+  };
+  std::vector<Flown> answers;
+  std::vector<std::string> foreseen;  // while the question before was open
+  std::size_t count = 0;
+  search([&](const Scenario& question) -> std::optional<Flown> {
+    if (answers.size() > 1) {
+      EXPECT_THAT(foreseen, Contains(WriteResolved(question))) << answers.size();
+      ++count;
+    }
+    foreseen.clear();
+    for (const Scenario& next : Foreseen(search, answers, 2)) foreseen.push_back(WriteResolved(next));
+    EXPECT_LE(foreseen.size(), 2u);
+    answers.push_back(Result(question, planted.fails(question)));
+    return answers.back();
+  });
+  EXPECT_GT(count, 20u);
 }
 
 TEST(MinimiseFaults, OneFlightProvesWhichCannotMatter) {

@@ -113,6 +113,14 @@ class MinimiseTest(CommandLineTest):
         outs = [self.minimise("planted.yaml", "--out", "small.yaml")[0] for _ in range(2)]
         self.assertEqual(*outs)
 
+    def test_the_same_with_any_number_of_jobs(self):
+        self.failing()
+        found = set()
+        for jobs in ("1", "2", "5"):
+            out, _ = self.minimise("planted.yaml", "-j", jobs, "--out", "small.yaml")
+            found.add((out, (self.folder / "small.yaml").read_text()))
+        self.assertEqual(len(found), 1)
+
     def test_as_many_flights_as_allowed(self):
         self.failing()
         out, err = self.minimise("planted.yaml", "--max-runs", "8")
