@@ -1,6 +1,7 @@
 #include "plant/disturbed_vehicle.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace tiltproof::plant {
@@ -24,16 +25,19 @@ Eigen::Vector3d DragForce(const BodyDrag& drag, const Eigen::Vector3d& v_m_s) {
 
 namespace {
 
-// Not finite when a number of it is not.
+// Not finite when a number of it is not. Each axis has a sum of its own, because additions that wait for one another take
+// longer than all others here.
 double SumOf(const Disturbance& disturbance) {
-  double sum = 0;
-  for (const Disturbance::Vector* vector :
-       {&disturbance.force_n, &disturbance.torque_nm, &disturbance.torque_body_nm, &disturbance.wind_m_s,
-        &disturbance.com_shift_m})
-    sum += (*vector)[0] + (*vector)[1] + (*vector)[2];
-  for (std::size_t i = 0; i < kRotorsMax; ++i)
-    sum += disturbance.thrust_factor[i] + disturbance.hinges[i].rate_rad_s;
-  return sum;
+  std::array<double, 3> axes{};
+  for (std::size_t i = 0; i < axes.size(); ++i)
+    axes[i] = disturbance.force_n[i] + disturbance.torque_nm[i] + disturbance.torque_body_nm[i] +
+              disturbance.wind_m_s[i] + disturbance.com_shift_m[i];
+  double thrusts = 0, hinges = 0;
+  for (std::size_t i = 0; i < kRotorsMax; ++i) {
+    thrusts += disturbance.thrust_factor[i];
+    hinges += disturbance.hinges[i].rate_rad_s;
+  }
+  return axes[0] + axes[1] + axes[2] + thrusts + hinges;
 }
 
 }  // namespace

@@ -71,9 +71,11 @@ class Plant {
   // within their stops.
   void Reset(std::span<const double> state);
 
+  // Changes no bit of a step.
+  static constexpr Disturbance kUndisturbed{};
   // One step with the commands held. After the event kNotFinite (also caused by a command or a disturbance that is
-  // not a number) the plant no longer moves. Disturbance{} changes no bit.
-  void Step(std::span<const double> command, const Disturbance& disturbance = {});
+  // not a number) the plant no longer moves.
+  void Step(std::span<const double> command, const Disturbance& disturbance = kUndisturbed);
   // Changes a row of commands to the input that the next Step with them puts in force: saturated to the model's
   // limits, then thrusts by their rotors' lag. A lag covers the share 1 - exp(-step / time constant) of the way from
   // the thrust in force to the command, and the result holds for the step. After Reset the hover input is in force.

@@ -52,7 +52,9 @@ void RefuseTemplate(const path& file, const std::string& text) {
       is_xacro ? fmt::format("xacro {0} > {1}.urdf && gz sdf -p {1}.urdf > {1}.sdf", file.string(), stem)
                : fmt::format("gz sdf -p {} > {}.sdf", file.string(), stem);
   throw VehicleError(file, root.GetLineNum(),
-                     fmt::format("not an SDF file: the root is <robot>, not <sdf>. Convert this {}: `{}`",
+                     fmt::format("not an SDF file: the root is <robot>, not <sdf>. Convert this {}: `{}` "
+                                 "(in Debian 12, `gz sdf` is `ign sdf` of the packages ignition-tools and "
+                                 "libsdformat-dev)",
                                  is_xacro ? "xacro file" : "URDF file", command));
 }
 

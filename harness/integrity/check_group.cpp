@@ -1,6 +1,6 @@
 #include "harness/integrity/check_group.h"
 
-#include <span>
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -50,6 +50,11 @@ CheckGroup::CheckGroup(CheckKind kind, std::size_t content_bytes)
                                       : of_place[lowest] ^ of_place[bits ^ lowest];
     }
   }
+  std::vector<std::uint8_t> longer(payload_bytes_ + 1);
+  for (std::size_t byte = 0; byte < in_front_.size(); ++byte) {
+    longer[0] = static_cast<std::uint8_t>(byte);
+    in_front_[byte] = link::Checksum(kind, longer) ^ of_zeros;
+  }
 }
 
 std::uint64_t CheckGroup::Change(std::size_t place, std::uint8_t from, std::uint8_t to) const {
@@ -62,6 +67,24 @@ std::uint64_t CheckGroup::Change(std::size_t place, std::uint8_t from, std::uint
     return change | change * (payload_bytes_ - place) % modulus_ << kSumBits;
   }
   return place < payload_bytes_ ? change : back;
+}
+
+std::uint64_t CheckGroup::InFront(std::uint8_t byte) const {
+  if (is_linear_) return in_front_[byte];
+  const std::uint64_t sum = byte % modulus_;
+  return kind_ == CheckKind::kFletcher16 ? sum | sum * (payload_bytes_ + 1) % modulus_ << kSumBits : sum;
+}
+
+std::uint64_t CheckGroup::Of(std::span<const std::uint8_t> content) const {
+  Check(content.size() == content_bytes(), "a group is that of a content of one length");
+  const auto payload = content.first(payload_bytes_), check = content.subspan(payload_bytes_);
+  const std::uint32_t right = link::Checksum(kind_, payload);
+  if (is_linear_) return right ^ link::LoadCheck(kind_, check);
+  std::uint64_t effect = 0;
+  for (std::size_t i = 0; i < check_bytes_; ++i)
+    effect |= (link::CheckByte(kind_, right, i) + std::uint64_t{256} * modulus_ - check[i]) % modulus_
+              << kSumBits * i;
+  return effect;
 }
 
 std::uint64_t CheckGroup::Missing(std::uint64_t total) const {

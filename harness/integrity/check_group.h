@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "link/checksum.h"
@@ -23,6 +24,10 @@ class CheckGroup {
   // The effect of a byte of the content that changes, on a check that holds. Its bits above kEffectBits are 0.
   static constexpr int kEffectBits = 48;
   std::uint64_t Change(std::size_t place, std::uint8_t from, std::uint8_t to) const;
+  // The effect of a byte that comes in front of the content.
+  std::uint64_t InFront(std::uint8_t byte) const;
+  // The effect of these content_bytes() bytes, whatever they are: zero only if the check may hold.
+  std::uint64_t Of(std::span<const std::uint8_t> content) const;
   // The effect of both. Up to 65,000 effects may be added to one another.
   std::uint64_t Add(std::uint64_t a, std::uint64_t b) const { return is_linear_ ? a ^ b : a + b; }
   // False only if the check is wrong after these changes. Fletcher's sums are equal to the check only modulo 255, so a
@@ -49,7 +54,8 @@ class CheckGroup {
   std::uint32_t modulus_;  // of sums; 1: every change is zero
   std::size_t check_bytes_, payload_bytes_;
   std::vector<std::array<std::uint32_t, 256>>
-      syndromes_;  // of a CRC: by place, and by the bits that change there
+      syndromes_;                              // of a CRC: by place, and by the bits that change there
+  std::array<std::uint32_t, 256> in_front_{};  // of a CRC: by the byte in front
 };
 
 }  // namespace tiltproof::harness

@@ -38,6 +38,7 @@ Damager::Damager(const FrameSample& sample, const CheckGroup& group)
       damaged_(wire_),
       effects_(256 * wire_.size()),
       bit_effects_(8 * wire_.size()),
+      marks_count_(sample.Marks().size()),
       is_touched_(wire_.size()) {
   Check(sample.content().size() == group.content_bytes(), "a group is that of a frame's content");
   places_.reserve(wire_.size());
@@ -54,9 +55,37 @@ Damager::Damager(const FrameSample& sample, const CheckGroup& group)
                    ? kAsk
                    : group.Change(in_content, from, static_cast<std::uint8_t>(from ^ byte ^ wire_[place]));
     }
+    if (place == 0 && sample.IsBetweenFlags())
+      for (std::uint32_t value = 0; value < 256; ++value)
+        if (const auto byte = static_cast<std::uint8_t>(value); byte != wire_[0] && !sample.IsSpecial(byte))
+          effects_[value] = group.InFront(byte);
     for (std::size_t bit = 0; bit < 8; ++bit)
       bit_effects_[8 * place + bit] = EffectOf(place, static_cast<std::uint8_t>(wire_[place] ^ 1U << bit));
   }
+  added_effects_ = bit_effects_;
+  std::fill_n(added_effects_.begin(), 8 * marks_count_, 0);
+  if (sample.IsBetweenFlags()) Lengthen(sample);
+}
+
+// Effects of the frame whose closing flag is taken for a byte of the content.
+void Damager::Lengthen(const FrameSample& sample) {
+  std::vector<std::uint8_t> content(sample.content().begin(), sample.content().end());
+  content.push_back(wire_.back());
+  longer_.emplace(group_.kind(), content.size());
+  longer_effect_ = longer_->Of(content);
+  longer_effects_.resize(8 * wire_.size());
+  for (std::size_t place = 1; place < wire_.size(); ++place) {
+    const bool is_last = place + 1 == wire_.size();
+    const std::size_t in_content = is_last ? content.size() - 1 : sample.ContentPlace(place);
+    if (in_content == FrameSample::kNone) continue;
+    for (std::size_t bit = 0; bit < 8; ++bit) {
+      const auto mask = static_cast<std::uint8_t>(1U << bit);
+      longer_effects_[8 * place + bit] = longer_->Change(
+          in_content, content[in_content], static_cast<std::uint8_t>(content[in_content] ^ mask));
+    }
+  }
+  std::fill_n(added_effects_.begin(), 8, 0);
+  std::fill_n(added_effects_.end() - 8, 8, 0);
 }
 
 void Damager::MakeBurst(Random& random, std::size_t length) {
@@ -125,18 +154,49 @@ Received Damager::Judge() {
 // Wrong bits of one byte have the sum of their effects, for a sum of bytes, too: each bit adds or takes a power of two.
 Received Damager::JudgeWithWrongBits(Random& random, std::size_t count) {
   other_ = wire_;
+  wrong_bits_.resize(count);
   std::uint64_t total = 0, any = 0;
-  for (std::size_t left = count; left > 0;) {
-    const std::size_t bit = Below(random, bits_count()), place = bit / 8;
-    const auto mask = static_cast<std::uint8_t>(1U << bit % 8);
-    if (((other_[place] ^ wire_[place]) & mask) != 0) continue;
-    other_[place] ^= mask;
-    total = group_.Add(total, bit_effects_[bit]);
-    any |= bit_effects_[bit] | asks_[other_[place]];
-    --left;
+  // A byte that is written may be a part of any member, for the compiler. So the loop reads copies, of CheckGroup::Add(),
+  // too.
+  std::uint8_t* const bytes = other_.data();
+  const std::uint8_t* const wire = wire_.data();
+  const std::uint64_t* const effects = added_effects_.data();
+  std::uint32_t* const wrong_bits = wrong_bits_.data();
+  const bool is_linear = group_.is_linear();
+  const std::uint64_t n = bits_count();
+  for (std::size_t done = 0; done < count;) {
+    // Two draws from one number, each as in Below().
+    for (std::uint64_t drawn = random(), half = 0; half < 2 && done < count; ++half, drawn >>= 32) {
+      const std::uint64_t product = (drawn & 0xFFFFFFFF) * n;
+      const auto low = static_cast<std::uint32_t>(product);
+      if (low < n && low < (std::uint64_t{1} << 32) % n) continue;
+      const std::size_t bit = product >> 32, place = bit / 8;
+      const auto mask = static_cast<std::uint8_t>(1U << bit % 8);
+      if (((bytes[place] ^ wire[place]) & mask) != 0) continue;
+      bytes[place] ^= mask;
+      total = is_linear ? total ^ effects[bit] : total + effects[bit];
+      any |= effects[bit] | asks_[bytes[place]];
+      wrong_bits[done++] = static_cast<std::uint32_t>(bit);
+    }
   }
-  const bool may_pass = (any & kAsk) != 0 || (count > 0 && group_.MayHold(total));
-  return Add(may_pass ? receiver_.Receive(other_) : Received());
+  return Add(MayPass(wrong_bits_, total, any) ? receiver_.Receive(other_) : Received());
+}
+
+bool Damager::MayPass(std::span<const std::uint32_t> bits, std::uint64_t total, std::uint64_t any) const {
+  if (bits.empty()) return false;
+  // Without its marks, a receiver waits for the next frame, unless it finds some in the content.
+  if (!std::equal(wire_.begin(), wire_.begin() + static_cast<std::ptrdiff_t>(marks_count_), other_.begin()))
+    return std::find(other_.begin() + 1, other_.end(), wire_[0]) != other_.end();
+  if ((any & kAsk) != 0) return true;
+  if (!longer_) return group_.MayHold(total);
+  const bool is_opened = other_.front() == wire_.front(), is_closed = other_.back() == wire_.back();
+  const CheckGroup& group = is_closed ? group_ : *longer_;
+  if (!is_closed) {
+    total = longer_effect_;
+    for (const std::uint32_t bit : bits) total = group.Add(total, longer_effects_[bit]);
+  }
+  if (!is_opened) total = group.Add(total, group.InFront(other_.front()));
+  return group.MayHold(total);
 }
 
 Received Damager::JudgeWithLost(Random& random, std::size_t count) {

@@ -11,6 +11,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -71,7 +72,10 @@ class Damager {
   std::uint64_t EffectOf(std::size_t place, std::uint8_t byte) const { return effects_[256 * place + byte]; }
   // False only if the receiver finds the frame where it was sent, and its check wrong; or nothing has changed.
   bool MayPass() const;
+  // The same of other_, in which these bits are wrong. `any` has the flags of their effects, `total` is their sum.
+  bool MayPass(std::span<const std::uint32_t> bits, std::uint64_t total, std::uint64_t any) const;
   void JudgeLastBit(std::size_t from);
+  void Lengthen(const FrameSample& sample);
   Received Add(const Received& received);
 
   const CheckGroup& group_;
@@ -79,9 +83,17 @@ class Damager {
   std::vector<std::uint8_t> wire_, damaged_, other_;
   std::vector<std::uint64_t> effects_;      // of each value of each byte of the frame
   std::vector<std::uint64_t> bit_effects_;  // of each bit that alone is wrong in its byte
-  std::array<std::uint64_t, 256> asks_{};   // kAsk for values that may change how other bytes are read
-  std::vector<std::uint8_t> is_touched_;    // for each byte of the frame
-  std::vector<std::uint32_t> places_;       // of bytes that are touched
+  // The effects of bits that add up to those of several bits. Flags and marks have none; see MayPass().
+  std::vector<std::uint64_t> added_effects_;
+  // Effects when the closing flag is a byte of the content: the group, the intact frame, and the bits.
+  std::optional<CheckGroup> longer_;
+  std::uint64_t longer_effect_ = 0;
+  std::vector<std::uint64_t> longer_effects_;
+  std::size_t marks_count_;
+  std::vector<std::uint32_t> wrong_bits_;
+  std::array<std::uint64_t, 256> asks_{};  // kAsk for values that may change how other bytes are read
+  std::vector<std::uint8_t> is_touched_;   // for each byte of the frame
+  std::vector<std::uint32_t> places_;      // of bytes that are touched
   Counts counts_;
 };
 

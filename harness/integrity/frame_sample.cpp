@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <variant>
 
 namespace tiltproof::harness {
 namespace {
@@ -29,8 +30,16 @@ FrameSample::FrameSample(const link::Protocol& protocol, const link::MessageType
   }
   for (const auto special : {protocol.framing->flag(), protocol.framing->escape()})
     if (special) is_special_[*special] = true;
+  if (const auto end = protocol.framing->frame_end())
+    if (const auto* header = std::get_if<link::LengthHeader>(&*end)) marks_count_ = header->sync_count;
   content_ = ContentOf(frames_[1]);
   for (std::size_t i = 0; i < frames_[1].size(); ++i) places_.push_back(FindPlace(i));
+}
+
+bool FrameSample::IsBetweenFlags() const {
+  const auto flag = protocol_->framing->flag();
+  const auto opening = protocol_->framing->opening();
+  return flag && opening.size() == 1 && opening[0] == *flag && frames_[1].back() == *flag;
 }
 
 std::vector<std::uint8_t> FrameSample::ContentOf(std::span<const std::uint8_t> frame) const {

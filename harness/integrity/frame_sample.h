@@ -45,6 +45,11 @@ class FrameSample {
   // alone, in the same bits. kNone: the byte is a part of the framing.
   static constexpr std::size_t kNone = ~std::size_t{};
   std::size_t ContentPlace(std::size_t wire_place) const { return places_[wire_place]; }
+  // True if the first byte of wire() ends the frame before, and the last one ends this frame: a receiver that takes one of
+  // them for another byte has that byte in front of the content, or behind it.
+  bool IsBetweenFlags() const;
+  // The bytes at the start of wire() without which a receiver hears nothing until they come again. Empty: there are none.
+  std::span<const std::uint8_t> Marks() const { return std::span(frames_[1]).first(marks_count_); }
   // True if a byte of this value may change how others are read.
   bool IsSpecial(std::uint8_t byte) const { return is_special_[byte]; }
 
@@ -61,6 +66,7 @@ class FrameSample {
   std::vector<std::uint8_t> content_;
   std::vector<std::size_t> places_;
   std::array<bool, 256> is_special_{};
+  std::size_t marks_count_ = 0;
 };
 
 // Says the same as FrameSample::Receive(), sooner: it has one reader, and leaves out bytes that the reader's answer does

@@ -517,7 +517,8 @@ TEST_F(VehicleFolder, ErrorsOfIncludedFilesHaveTheirPlace) {
 
 TEST_F(VehicleFolder, OtherFormatsAreRefusedWithTheCommandThatConvertsThem) {
   Write("arm.urdf", "<robot name='arm'/>");
-  EXPECT_THAT(Error("arm.urdf"), AllOf(HasSubstr("URDF"), HasSubstr("`gz sdf -p "), HasSubstr("> arm.sdf`")));
+  EXPECT_THAT(Error("arm.urdf"), AllOf(HasSubstr("URDF"), HasSubstr("`gz sdf -p "), HasSubstr("> arm.sdf`"),
+                                       HasSubstr("ignition-tools")));
   Write("arm.xacro", "<robot xmlns:xacro='http://ros.org/wiki/xacro' name='arm'/>");
   EXPECT_THAT(Error("arm.xacro"), AllOf(HasSubstr("`xacro "), HasSubstr("&& gz sdf -p arm.urdf > arm.sdf`")));
   Write("iris.sdf.jinja", "<sdf version='1.6'>\n{% set mass = 1 %}<model name='iris'/></sdf>");

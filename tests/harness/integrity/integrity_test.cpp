@@ -3,6 +3,7 @@
 
 #include "harness/integrity/integrity.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -181,6 +182,59 @@ TEST(Integrity, TheFastWayCountsWhatPassesTheCheck) {
     }
   }
   EXPECT_GT(passed_count, 300);
+}
+
+// A frame whose flags are hit has a byte more, in front or behind, or both. A sum of 8 bits lets one in 256 of them pass.
+TEST(Integrity, TheFastWayCountsWhatPassesWithoutAFlag) {
+  faults::Random random(13);
+  const auto protocol = PaperWith(link::MakeHdlcFraming(CheckKind::kSum8));
+  const CheckGroup group(CheckKind::kSum8, protocol->Find("start")->payload_bytes + 1);
+  const FrameSample sample(*protocol, *protocol->Find("start"), random);
+  Damager damager(sample, group);
+  std::array<int, 4> passed{};  // with both flags, without the first, without the last, without both
+  for (int i = 0; i < 60'000; ++i) {
+    const Received fast = damager.JudgeWithWrongBits(random, 2 + static_cast<std::size_t>(i) % 5);
+    const Received slow = sample.Receive(damager.other());
+    ASSERT_EQ(fast, slow);
+    const bool no_first = damager.other().front() != sample.wire().front();
+    const bool no_last = damager.other().back() != sample.wire().back();
+    passed[(no_first ? 1 : 0) + (no_last ? 2 : 0)] += slow.passed_check_count;
+  }
+  EXPECT_THAT(passed, ::testing::Each(::testing::Gt(10)));
+}
+
+// Effects of changes, and of a byte in front, against the check itself.
+TEST(Integrity, EffectsAddUpToThoseOfTheChangedContent) {
+  std::mt19937_64 generator(17);
+  for (int i = 0; i <= static_cast<int>(LastOf(CheckKind())); ++i) {
+    const auto kind = static_cast<CheckKind>(i);
+    const std::size_t bytes = 20 + link::CheckBytes(kind);
+    const CheckGroup group(kind, bytes), longer(kind, bytes + 1);
+    // Sums have several numbers for one effect, and one number that makes up for it.
+    const auto equal = [](const CheckGroup& of, std::uint64_t a, std::uint64_t b) {
+      return of.Missing(a) == of.Missing(b);
+    };
+    for (int round = 0; round < 300; ++round) {
+      Bytes content(bytes);
+      for (std::uint8_t& byte : content) byte = static_cast<std::uint8_t>(generator());
+      const std::uint64_t before = group.Of(content);
+      const std::size_t place = generator() % bytes;
+      Bytes changed = content;
+      changed[place] = static_cast<std::uint8_t>(generator());
+      EXPECT_TRUE(equal(group, group.Of(changed),
+                        group.Add(before, group.Change(place, content[place], changed[place]))))
+          << Name(kind) << " " << place;
+      Bytes with_front = content;
+      with_front.insert(with_front.begin(), static_cast<std::uint8_t>(generator()));
+      EXPECT_TRUE(equal(longer, longer.Of(with_front), group.Add(before, group.InFront(with_front[0]))))
+          << Name(kind);
+      const std::span<const std::uint8_t> payload = std::span(content).first(20);
+      Bytes whole(payload.begin(), payload.end());
+      for (std::size_t at = 0; at < link::CheckBytes(kind); ++at)
+        whole.push_back(link::CheckByte(kind, link::Checksum(kind, payload), at));
+      EXPECT_EQ(group.Of(whole), 0U) << Name(kind);
+    }
+  }
 }
 
 // A message without fields is the same in every sample, so its frame is known here.

@@ -16,6 +16,17 @@ from flight import Flight, become_subreaper, read, write_hover
 PROGRAM, *_ = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
 NODES_SUITE = pathlib.Path(__file__).resolve().parents[3] / "scenarios/nodes"
 
+TAKES_OFF = """\
+name: takes-off
+duration_s: 4
+ground: {solid: true, touch_down_max_m_s: 1}
+initial: {on_ground: true}
+reference: {type: hover, at_m: [0, 0, 1]}
+criteria:
+  - {name: stands, stl: "eventually[0,0.1](on_ground > 0.5)"}
+  - {name: takes-off, stl: "always[3,4](on_ground < 0.5 and z_m > 0.5)"}
+"""
+
 
 class RunsTest(unittest.TestCase):
     def setUp(self):
@@ -62,6 +73,13 @@ class RunsTest(unittest.TestCase):
         self.assertEqual(event["kind"], "bus")
         self.assertTrue(event["text"].startswith(f"domain {bus['domain']}, tag {bus['tag']}, run id {bus['run_id']};"), event)
         self.assertEqual(json.loads(read(flight.run_folder / "run.json"))["flights"][0]["bus"], bus)
+        self.check(flight)
+
+    def test_a_vehicle_takes_off_from_the_ground(self):
+        (self.folder / "takes-off.yaml").write_text(TAKES_OFF)
+        flight = self.start("ground", self.folder / "takes-off.yaml")
+        flight.wait(60)
+        self.assert_green_or_too_busy(flight)
         self.check(flight)
 
     def test_two_runs_at_once(self):
