@@ -40,6 +40,9 @@ if(CMAKE_UNITY_BUILD)
   add_compile_options($<$<COMPILE_LANG_AND_ID:CXX,GNU>:-Wno-subobject-linkage>)
 endif()
 
+# GCC gives memory back between functions, which takes an eighth of the time of a large unit; it may take 1 GiB first.
+add_compile_options($<$<COMPILE_LANG_AND_ID:CXX,GNU>:--param=ggc-min-heapsize=1048576>)
+
 if(TILTPROOF_SANITIZE)
   add_compile_options(-fsanitize=${TILTPROOF_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${TILTPROOF_SANITIZE})

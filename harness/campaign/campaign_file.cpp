@@ -73,7 +73,7 @@ void DescribeParameters(KeyVisitor& v, std::map<std::string, std::map<std::strin
   }
 }
 
-constexpr TextRule kPattern = {"[a-z0-9_.*?\\[\\]-]+", "a fault type, or a pattern of several: sensor.*",
+constexpr TextRule kPattern = {"([a-z0-9_.*?-]|\\[|\\])+", "a fault type, or a pattern of several: sensor.*",
                                100};
 constexpr TextRule kBuildRule = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 100};
 

@@ -45,7 +45,7 @@ struct Range {
 
 // The texts that are allowed; an empty regex allows all but control characters.
 struct TextRule {
-  std::string_view regex;    // ECMAScript, of the whole text
+  std::string_view regex;    // of the whole text, in JavaScript and POSIX (extended) alike: no \d
   std::string_view meaning;  // "must be ..."
   std::size_t length_max = 4096;
   std::span<const std::string_view> reserved = {};  // texts that are refused ...

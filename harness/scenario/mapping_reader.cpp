@@ -1,18 +1,19 @@
 #include "harness/scenario/mapping_reader.h"
 
 #include <fmt/format.h>
+#include <regex.h>
 
 #include <algorithm>
 #include <charconv>
 #include <functional>
 #include <limits>
 #include <map>
-#include <regex>
 #include <string>
 #include <system_error>
 #include <utility>
 
 #include "harness/scenario/did_you_mean.h"
+#include "link/check.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -29,12 +30,31 @@ bool HasControlCharacter(std::string_view text) {
   });
 }
 
+// Matches whole texts. It is the C library's expression, because std::regex takes 2 s to compile.
+class Expression {
+ public:
+  explicit Expression(const std::string& regex) {
+    Check(regcomp(&compiled_, fmt::format("^({})$", regex).c_str(), REG_EXTENDED | REG_NOSUB) == 0,
+          "a rule's expression is one");
+  }
+  ~Expression() { regfree(&compiled_); }
+  Expression(const Expression&) = delete;
+  Expression& operator=(const Expression&) = delete;
+
+  bool Matches(const std::string& text) const {
+    return regexec(&compiled_, text.c_str(), 0, nullptr, 0) == 0;
+  }
+
+ private:
+  regex_t compiled_;
+};
+
 // Compiling an expression takes longer than matching a name.
-const std::regex& Compiled(std::string_view regex) {
-  thread_local std::map<std::string, std::regex, std::less<>> known;
-  const auto found = known.find(regex);
-  if (found != known.end()) return found->second;
-  return known.emplace(regex, std::regex(std::string(regex))).first->second;
+bool Matches(const std::string& text, std::string_view regex) {
+  thread_local std::map<std::string, Expression, std::less<>> known;
+  auto found = known.find(regex);
+  if (found == known.end()) found = known.try_emplace(std::string(regex), std::string(regex)).first;
+  return found->second.Matches(text);
 }
 
 }  // namespace
@@ -131,7 +151,7 @@ std::optional<std::string> MappingReader::ReadText(std::string_view key, const Y
     Complain(node.mark, fmt::format("{}: longer than {} bytes", key, rule.length_max));
   } else if (HasControlCharacter(node.text)) {
     Complain(node.mark, fmt::format("{}: contains a control character", key));
-  } else if (!rule.regex.empty() && !std::regex_match(node.text, Compiled(rule.regex))) {
+  } else if (!rule.regex.empty() && !Matches(node.text, rule.regex)) {
     Complain(node.mark, fmt::format("{}: {} must be {}", key, Describe(node), rule.meaning));
   } else if (std::find(rule.reserved.begin(), rule.reserved.end(), node.text) != rule.reserved.end()) {
     Complain(node.mark, fmt::format("{}: {} is {}; choose another", key, Describe(node), rule.reserved_for));
