@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <string>
 #include <utility>
@@ -46,6 +47,7 @@ Scenario Boards(const std::string& firmware, std::vector<faults::FaultSpec> faul
   scenario.firmware = firmware;
   scenario.duration_ns = 8 * kNsPerS;
   scenario.reference.path = SpiralReference{};
+  scenario.initial_position_m = {2, 0, 0.5};
   scenario.clients = {{"a", ""}, {"b", ""}};
   if (firmware == "triplex") {
     scenario.clients.push_back({"c", ""});
@@ -64,8 +66,9 @@ Scenario Boards(const std::string& firmware, std::vector<faults::FaultSpec> faul
 
 RunLog Fly(const Scenario& scenario) {
   return Fly(scenario, Model(), {.make_client = [&](std::size_t client, ClientHost host) {
-               return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, "paper", std::move(host), nullptr,
-                                        false, [&, client] { return ClientParameters(scenario, Model(), client); });
+               return LoadLibraryClient(TILTPROOF_FIRMWARE_LIBRARY, scenario.firmware, "paper",
+                                        std::move(host), nullptr, false,
+                                        [&, client] { return ClientParameters(scenario, Model(), client); });
              }});
 }
 
@@ -82,7 +85,8 @@ double LargestError(const RunLog& log, double from_s) {
     if (log.trace.at(row, time) < from_s) continue;
     double squares = 0;
     for (const auto& [is, wanted] : {std::pair{"x_m", "x_ref_m"}, {"y_m", "y_ref_m"}, {"z_m", "z_ref_m"}}) {
-      const double error = log.trace.at(row, *log.trace.Find(is)) - log.trace.at(row, *log.trace.Find(wanted));
+      const double error =
+          log.trace.at(row, *log.trace.Find(is)) - log.trace.at(row, *log.trace.Find(wanted));
       squares += error * error;
     }
     largest = std::max(largest, std::sqrt(squares));
@@ -135,8 +139,9 @@ TEST(FailoverFlight, TheSecondClaimEndsWhenTheLineIsBack) {
 }
 
 TEST(FailoverFlight, ALateLineOnlyDelaysTheSwitch) {
-  const RunLog log = Fly(
-      Boards("failover", {OnCross("frame.delay", 2 * kNsPerS, 8 * kNsPerS, {{"mean_ms", 30.0}}), Reset("a", 4 * kNsPerS, 60'000)}));
+  const RunLog log =
+      Fly(Boards("failover", {OnCross("frame.delay", 2 * kNsPerS, 8 * kNsPerS, {{"mean_ms", 30.0}}),
+                              Reset("a", 4 * kNsPerS, 60'000)}));
   ASSERT_EQ(log.end_reason, EndReason::kCompleted) << log.end_text;
   EXPECT_EQ(log.redundancy->switches_count, 1);
   EXPECT_LT(log.redundancy->largest_bump, kBumpMax);
@@ -144,7 +149,8 @@ TEST(FailoverFlight, ALateLineOnlyDelaysTheSwitch) {
 }
 
 TEST(TriplexFlight, ABoardThatWasResetIsAsGoodAsTheOthers) {
-  const RunLog log = Fly(Boards("triplex", {Reset("c", 3 * kNsPerS, 300), Reset("a", 5 * kNsPerS, 60'000), Reset("b", 6 * kNsPerS, 60'000)}));
+  const RunLog log = Fly(Boards("triplex", {Reset("c", 3 * kNsPerS, 300), Reset("a", 5 * kNsPerS, 60'000),
+                                            Reset("b", 6 * kNsPerS, 60'000)}));
   ASSERT_EQ(log.end_reason, EndReason::kCompleted) << log.end_text;
   EXPECT_EQ(log.redundancy->without_control_ns, 0);
   EXPECT_LT(log.redundancy->largest_bump, kBumpMax);
