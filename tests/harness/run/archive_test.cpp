@@ -54,7 +54,7 @@ std::vector<Record> SomeRecords() {
       {16, 0, record::LineEnd{LineCounts{{{1, 2, 3, 4}}}, 13, 14, 15}},
       {17, 0,
        record::ClientEnd{
-           18, {}, {"CRYP"}, {{"main", 19, 20, true}}, FirmwareEnd{}, ClientLoss{1, true, "hung", {}}}},
+           18, {}, 21, {"CRYP"}, {{"main", 19, 20, true}}, FirmwareEnd{}, ClientLoss{1, true, "hung", {}}}},
       {18, 0, record::FirmwareTime{use, Origin(BootTime(9))}},
       {19, {}, record::End{EndReason::kGroundStrike, "struck the ground", FirmwareEnd{}, 0.5}},
   };

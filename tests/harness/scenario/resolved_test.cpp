@@ -126,6 +126,8 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
   if (auto* recorded = std::get_if<RecordedReference>(&s.reference.path))
     recorded->file = folder / "path.csv";
   for (std::size_t i = 0; i < s.clients.size(); ++i) s.clients[i].id = "c" + std::to_string(i);
+  for (std::size_t i = 0; i < s.firmware_parameters.size(); ++i)
+    s.firmware_parameters[i].name = "n" + std::to_string(i);
   const auto any_client = [&]() -> std::string {
     const auto place = *rc::gen::inRange<std::size_t>(0, s.clients.size() + 1);
     return place < s.clients.size() ? s.clients[place].id : "";
@@ -216,6 +218,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.firmware == b.firmware);
   RC_ASSERT(a.gain == b.gain);
   RC_ASSERT(a.gain_file == b.gain_file);
+  RC_ASSERT(a.firmware_parameters == b.firmware_parameters);
   RC_ASSERT(a.clients == b.clients);
   RC_ASSERT(a.arbiter == b.arbiter);
   RC_ASSERT(a.expect == b.expect);
@@ -307,6 +310,7 @@ tags: []
 model: "tiltrotor"
 allow_invalid_inertia: false
 firmware: "paper"
+firmware_parameters: []
 clients: []
 arbiter:
   type: single
