@@ -52,6 +52,12 @@ Bits Ordered(ByteOrder order, Bits bits) {
   return std::bit_cast<Bits>(bytes);
 }
 
+// The number of most messages. It needs neither its size nor its order looked up.
+bool IsUsual(NumberType type, ByteOrder order) {
+  return type == NumberType::kF32 && order == ByteOrder::kLittle &&
+         std::endian::native == std::endian::little;
+}
+
 bool IsSigned(NumberType type) {
   return type == NumberType::kI8 || type == NumberType::kI16 || type == NumberType::kI32;
 }
@@ -86,6 +92,12 @@ void StoreBits(NumberType type, ByteOrder order, std::uint64_t bits, std::span<s
 }
 
 double LoadNumber(NumberType type, ByteOrder order, std::span<const std::uint8_t> bytes) {
+  if (IsUsual(type, order)) {
+    CheckPart(0, sizeof(float), bytes.size(), "a number of a message is inside its payload");
+    float value = 0;
+    std::memcpy(&value, bytes.data(), sizeof(value));
+    return static_cast<double>(value);
+  }
   const std::uint64_t bits = LoadBits(type, order, bytes);
   if (type == NumberType::kF32)
     return static_cast<double>(std::bit_cast<float>(static_cast<std::uint32_t>(bits)));
@@ -95,6 +107,12 @@ double LoadNumber(NumberType type, ByteOrder order, std::span<const std::uint8_t
 }
 
 void StoreNumber(NumberType type, ByteOrder order, double value, std::span<std::uint8_t> bytes) {
+  if (IsUsual(type, order)) {
+    CheckPart(0, sizeof(float), bytes.size(), "a number of a message is inside its payload");
+    const auto number = static_cast<float>(value);
+    std::memcpy(bytes.data(), &number, sizeof(number));
+    return;
+  }
   if (type == NumberType::kF32)
     return StoreBits(type, order, std::bit_cast<std::uint32_t>(static_cast<float>(value)), bytes);
   if (type == NumberType::kF64) return StoreBits(type, order, std::bit_cast<std::uint64_t>(value), bytes);

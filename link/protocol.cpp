@@ -44,6 +44,18 @@ std::vector<std::string> SignalsOf(const MessageType& type) {
   return signals;
 }
 
+// The number checks that its end is inside, too.
+double ValueOf(const MessageField& field, std::span<const std::uint8_t> payload) {
+  CheckPart(field.offset, 0, payload.size(), "a field is inside its payload");
+  return field.scale * LoadNumber(field.type, field.order, payload.subspan(field.offset));
+}
+
+void SetValue(const MessageField& field, std::span<std::uint8_t> payload, double value) {
+  CheckPart(field.offset, 0, payload.size(), "a field is inside its payload");
+  StoreNumber(field.type, field.order, field.scale == 1.0 ? value : value / field.scale,
+              payload.subspan(field.offset));
+}
+
 }  // namespace
 
 bool MessageType::has_signals() const {
@@ -93,7 +105,7 @@ MessageStatus Protocol::Decode(Direction direction, std::span<const std::uint8_t
   bool in_range = true;
   for (std::size_t i = 0; i < type->fields.size(); ++i) {
     const MessageField& field = type->fields[i];
-    values[i] = FieldValue(*type, payload, i);
+    values[i] = ValueOf(field, payload);
     if (!std::isfinite(values[i])) return MessageStatus::kNotFinite;
     in_range = in_range && field.min <= values[i] && values[i] <= field.max;
   }
@@ -110,23 +122,19 @@ Payload Protocol::Encode(const MessageType& type, std::span<const double> values
   payload.size = type.payload_bytes;
   const std::span<std::uint8_t> bytes(payload.bytes.data(), payload.size);
   if (type.id) StoreBits(type.id->type, type.id->order, type.id->bits, bytes);
-  for (std::size_t i = 0; i < values.size(); ++i) SetFieldValue(type, bytes, i, values[i]);
+  for (std::size_t i = 0; i < values.size(); ++i) SetValue(type.fields[i], bytes, values[i]);
   return payload;
 }
 
 void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std::size_t field,
                    double value) {
   CheckIndex(field, type.fields.size(), "a field is one of its message");
-  const MessageField& own = type.fields[field];
-  CheckPart(own.offset, NumberBytes(own.type), payload.size(), "a field is inside its payload");
-  StoreNumber(own.type, own.order, own.scale == 1.0 ? value : value / own.scale, payload.subspan(own.offset));
+  SetValue(type.fields[field], payload, value);
 }
 
 double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
   CheckIndex(field, type.fields.size(), "a field is one of its message");
-  const MessageField& own = type.fields[field];
-  CheckPart(own.offset, NumberBytes(own.type), payload.size(), "a field is inside its payload");
-  return own.scale * LoadNumber(own.type, own.order, payload.subspan(own.offset));
+  return ValueOf(type.fields[field], payload);
 }
 
 double PlausibleMagnitude(std::string_view signal) {
