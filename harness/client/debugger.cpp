@@ -11,7 +11,7 @@
 namespace tiltproof::harness {
 namespace {
 
-constexpr int kLook_ms = 20;
+constexpr int kDebuggerLook_ms = 20;
 
 std::string When(const DebugStop& stop) {
   return stop.at_ns ? fmt::format("at {} s of the flight", ToSeconds(*stop.at_ns)) : "at power-on";
@@ -61,7 +61,7 @@ class DebuggedLibrary final : public Client {
     if (std::exchange(waited_, true)) return;
     // By any process of this user (Yama, ptrace_scope 1).
     prctl(PR_SET_PTRACER, PR_SET_PTRACER_ANY);
-    while (!HasDebugger()) poll(nullptr, 0, kLook_ms);
+    while (!HasDebugger()) poll(nullptr, 0, kDebuggerLook_ms);
   }
 
   std::unique_ptr<Client> library_;

@@ -62,7 +62,7 @@ struct OwnTimeOfCall {
 } own_time;
 int waits_file = -1;
 
-TimeNs Clock(clockid_t clock) {
+TimeNs Reading(clockid_t clock) {
   timespec time{};
   clock_gettime(clock, &time);
   return time.tv_sec * kNsPerS + time.tv_nsec;
@@ -354,8 +354,8 @@ void FirmwareGuard::CountOwnTime() {
   const std::uint64_t call = watched->calls_count.load(std::memory_order_relaxed);
   const OwnTimeOfCall before = own_time;
   own_time.call = call;
-  own_time.looked_ns = Clock(CLOCK_MONOTONIC);
-  own_time.run_ns = Clock(CLOCK_THREAD_CPUTIME_ID);
+  own_time.looked_ns = Reading(CLOCK_MONOTONIC);
+  own_time.run_ns = Reading(CLOCK_THREAD_CPUTIME_ID);
   own_time.waited_ns = Waited();
   if (call != before.call || (inside == 0 && called_back == 0)) {
     own_time.own_ns = 0;

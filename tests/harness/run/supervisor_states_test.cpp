@@ -12,7 +12,7 @@
 namespace tiltproof::harness {
 namespace {
 
-using testing::ElementsAre;
+using ::testing::ElementsAre;
 
 // Rows every 12 ms, with one other column.
 Trace Rows(std::size_t count) {
