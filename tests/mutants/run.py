@@ -2,9 +2,11 @@
 """Seeds defects, one at a time, into a copy of the sources, and reports which of them the suites and tests notice.
 
 Usage: tests/mutants/run.py [NAME...] [--group firmware|harness|client] [--sample N --seed S] [--check] [--write]
+       tests/mutants/run.py [NAME...] --campaign N
 
 Without names: all of them. --sample: N of them, drawn with --seed. --check: only that every patch applies and is described.
---write: the tables in README.md, after a run of all. Exit 0: every defect was noticed, but for those that are known not to be; 1: one was not; 2: wrong usage; 3: a
+--write: the tables in README.md, after a run of all. --campaign: no suite, but at most N flights of a default campaign hunt each
+defect of the firmware that this machine can show. Exit 0: every defect was noticed, but for those that are known not to be; 1: one was not; 2: wrong usage; 3: a
 defect could not be built, or its killer fails without it.
 
 A defect is <group>/<name>.patch beside this file: a header (see Patch), then a unified diff. It is applied to a copy in
@@ -30,6 +32,7 @@ import re
 import shlex
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -45,6 +48,7 @@ JOBS = str(os.cpu_count() or 2)
 GROUPS = ("firmware", "harness", "client")
 # Not for a law that is linear around a heading of 0: with the shipped firmware itself they are not applicable.
 LARGE_HEADINGS = {f"acceptance-sound-{name}" for name in ("heading-half-turn", "heading-circle", "heading-sideways", "heading-turns", "turn-left", "turn-right")}
+CAMPAIGN_FLIGHTS = ("hover", "spiral-velocity")
 LIBRARY_FLAGS = "-D_GLIBCXX_ASSERTIONS -fsanitize=undefined -fsanitize-undefined-trap-on-error"
 
 
@@ -134,10 +138,10 @@ def mutated(patch):
 
 # --- Firmware: flights. Each returns who noticed, or None.
 
-def build_client(patch):
-    """The mutated firmware, for --client."""
+def build_client(image=None):
+    """The firmware of the copy, for --client; `image`: its name, when the emulated board is to fly."""
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if shutil.which("ccache") else []
-    if image := patch.keys.get("Client"):
+    if image:
         folder, target, source = WORK / "board", f"{image}.elf", COPY / "firmware/ports/stm32f4"
         options = ["--toolchain", COPY / "cmake/arm-none-eabi.cmake"]
         client = f"qemu:{folder / target}"
@@ -165,7 +169,7 @@ def fly(client, names, *flags, folder="scenarios"):
 
 
 def noticed_in_flight(patch):
-    client = build_client(patch)
+    client = build_client(patch.keys.get("Client"))
     noticed = fly(client, [patch.keys["Killer"]]) if "Killer" in patch.keys else []
     # An image has one firmware, and the suites ask for others.
     if not noticed and "Client" not in patch.keys:
@@ -190,6 +194,66 @@ def red_without_defect():
 def noticed_by_acceptance(patch):
     red = [name.removeprefix("acceptance-") for name in fly(build_foreign_client(), [], folder="scenarios/acceptance") if name not in red_without_defect()]
     return ", ".join(red[:2]) + (f" and {len(red) - 2} more" if len(red) > 2 else "") if red else None
+
+
+# --- Campaigns: random faults in the paper's flights. A flight that only the sound firmware passes kills a defect.
+
+def stored(folder):
+    """What a campaign has stored: by number the verdict, its criterion, and the faults that acted."""
+    try:
+        with contextlib.closing(sqlite3.connect(f"file:{folder}/campaign.sqlite?mode=ro", uri=True)) as database:
+            return {number: (verdict, criterion, types) for number, verdict, criterion, types in database.execute(
+                "SELECT number, verdict, criterion, (SELECT group_concat(type, ' + ') FROM fault WHERE run = number AND activations > 0) FROM run")}
+    except sqlite3.OperationalError:  # not yet there
+        return {}
+
+
+def first_of(sound, rows):
+    """The first run that fails only with the defect. With several jobs a later one may be stored before it."""
+    for number in range(len(sound)):
+        if number not in rows:
+            return None
+        if sound[number][0] == "pass" and rows[number][0] == "fail":
+            return number
+    return None
+
+
+def hunt(client, runs, sound=None):
+    """Flies the first runs of the campaign, or until one kills. Returns them, and the exit code if it ended by itself."""
+    folder = WORK / "campaign"
+    shutil.rmtree(folder, ignore_errors=True)
+    command = [RELEASE / "tiltproof", "campaign", *(ROOT / f"scenarios/paper/{name}.yaml" for name in CAMPAIGN_FLIGHTS), "--runs", str(runs),
+               "--firmware", "paper,tolerant", "--client", client, "-j", JOBS, "--out", folder, "--no-report", "--no-progress"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace") as process:
+        try:
+            while process.poll() is None and len(stored(folder)) < runs and first_of(sound or {}, stored(folder)) is None:
+                time.sleep(0.2)
+        finally:
+            code = process.poll()
+            process.send_signal(signal.SIGINT)  # the failures of a campaign that goes on would be minimised
+            text = process.communicate()[0]
+    if code not in (None, 0, 1):
+        raise Trouble(f"{shlex.join(map(str, command))}: exit code {code}\n{text[-2000:]}")
+    return stored(folder), code
+
+
+def sound_runs(runs):
+    sound, _ = hunt(build_client(), runs)
+    if len(sound) < runs:
+        raise Trouble(f"the sound firmware flew {len(sound)} of {runs} runs")
+    return sound
+
+
+def killed_in_campaign(sound):
+    """The words of the table: how a defect was killed; None: it was not."""
+    rows, code = hunt(build_client(), len(sound), sound)
+    if code is not None and not rows:
+        return "without a fault"
+    number = first_of(sound, rows)
+    if number is None:
+        return None
+    _, criterion, types = rows[number]
+    return f"run {number}: `{criterion}`, {types or 'no fault acted'}"
 
 
 # --- Harness: tests.
@@ -241,17 +305,21 @@ def noticed_in_test(patch):
 
 # --- A run.
 
+def build(*targets):
+    if not (RELEASE / "build.ninja").exists():
+        must(["cmake", "--preset", "release"])
+    must(["cmake", "--build", "--preset", "release", "-j", JOBS, "--target", "tiltproof", *targets])
+    update_all()
+
+
 def prepare(patches):
     """Builds what is not mutated, and requires of all killers that they are green with it."""
     programs = sorted({patch.keys["Killer"].split()[0] for patch in patches if patch.group == "harness" and not patch.equivalent})
-    if not (RELEASE / "build.ninja").exists():
-        must(["cmake", "--preset", "release"])
-    must(["cmake", "--build", "--preset", "release", "-j", JOBS, "--target", "tiltproof", "tiltproof_lockstep", "minimal_firmware", *programs])
-    update_all()
+    build("tiltproof_lockstep", "minimal_firmware", *programs)
     for patch in {patch.keys.get("Client"): patch for patch in patches if patch.group == "firmware"}.values():
         killers = sorted({other.keys["Killer"] for other in patches if other.group == "firmware" and not other.equivalent
                           and other.keys.get("Client") == patch.keys.get("Client")})
-        if red := fly(build_client(patch), killers):
+        if red := fly(build_client(patch.keys.get("Client")), killers):
             raise Trouble(f"not green without a defect: {', '.join(red)}")
     for program in programs:
         tests = ":".join(sorted({patch.keys["Killer"].split()[1] for patch in patches if patch.keys.get("Killer", "").startswith(program + " ")}))
@@ -260,12 +328,16 @@ def prepare(patches):
             raise Trouble(f"fails without a defect: {', '.join(failed)}")
 
 
-def seed(patch):
+def noticed_by_group(patch):
+    return {"firmware": noticed_in_flight, "harness": noticed_in_test, "client": noticed_by_acceptance}[patch.group](patch)
+
+
+def seed(patch, noticed_by=noticed_by_group):
     """Who noticed the defect; None: it was not noticed."""
     try:
         for file, content in mutated(patch).items():
             (COPY / file).write_text(content)
-        return {"firmware": noticed_in_flight, "harness": noticed_in_test, "client": noticed_by_acceptance}[patch.group](patch)
+        return noticed_by(patch)
     finally:
         update(patch.files)
 
@@ -323,6 +395,21 @@ def run(patches):
     return code, rows
 
 
+def campaign(patches, runs):
+    """Prints a table: how the first of so many runs kills each defect of the firmware that this machine can show."""
+    patches = [patch for patch in patches if patch.group == "firmware" and "Client" not in patch.keys and not patch.equivalent]
+    build()
+    sound = sound_runs(runs)
+    passed = sum(verdict == "pass" for verdict, _, _ in sound.values())
+    print(f"{runs} runs; the sound firmware passes {passed}", flush=True)
+    killed = 0
+    for patch in patches:
+        how = seed(patch, lambda _: killed_in_campaign(sound))
+        killed += how is not None
+        print(f"| `{patch.name}` | {how or 'not killed'} |", flush=True)
+    print(f"{killed} of {len(patches)} defects killed")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
     parser.add_argument("names", nargs="*", metavar="NAME")
@@ -331,12 +418,15 @@ def main():
     parser.add_argument("--seed", default="1", metavar="S")
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--campaign", type=int, metavar="N")
     arguments = parser.parse_args()
     for name in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(name, lambda *_: sys.exit(130))
     patches = [Patch(path) for group in GROUPS for path in sorted((HERE / group).glob("*.patch")) if arguments.group in (None, group)]
     if unknown := set(arguments.names) - {patch.name for patch in patches}:
         parser.error(f"no defect is named {', '.join(sorted(unknown))}")
+    if arguments.campaign is not None and arguments.campaign < 1:
+        parser.error("--campaign takes a number of flights from 1")
     if arguments.write and (arguments.names or arguments.sample):
         parser.error("--write takes all defects of a group")
     if arguments.names:
@@ -349,6 +439,8 @@ def main():
     WORK.mkdir(parents=True, exist_ok=True)
     with open(WORK / "lock", "w", encoding="utf-8") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
+        if arguments.campaign is not None:
+            return campaign(patches, arguments.campaign)
         began = time.monotonic()
         prepare(patches)
         print(f"prepared in {time.monotonic() - began:.0f} s: killers are green without a defect", flush=True)
