@@ -132,9 +132,10 @@ int LinkDumpCommand(const LinkDumpOptions& options) {
     const auto direction = static_cast<std::size_t>(record->wire.direction);
     if (record->passed_on || is_raw(client)) {
       const char* side = record->passed_on ? "passed_on" : record->delivered ? "delivered" : "sent";
-      Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {:02x}\n", ToSeconds(record->begin_ns),
+      Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}\n", ToSeconds(record->begin_ns),
             ids.size() > 1 ? ids[client] + " " : "", DirectionText(scenario, record->wire), side,
-            record->passed_on ? "-" : "bytes", record->bytes.size(), fmt::join(record->bytes, ""));
+            record->passed_on ? "-" : "bytes", record->bytes.size(),
+            fmt::format("{:02x}", fmt::join(record->bytes, "")));
       continue;
     }
     auto bytes = record->bytes;

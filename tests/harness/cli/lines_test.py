@@ -95,7 +95,7 @@ class LinesTest(CommandLineTest):
         def target(text, type="link.silence"):
             return check(faults=fault.replace("TARGET", text).replace("TYPE", type))
 
-        self.assertIn("wrong.yaml:6:31: between: there is no client 'c'", check("[{id: cross, between: [a, c]}]"))
+        self.assertIn("wrong.yaml:6:34: between: there is no client 'c'", check("[{id: cross, between: [a, c]}]"))
         self.assertIn("both ends are 'a'", check("[{id: cross, between: [a, a]}]"))
         self.assertIn("a line has two ends, and there are 1", check("[{id: cross, between: [a]}]"))
         self.assertIn("a line has two ends, and there are 0", check("[{id: cross, between: []}]"))
@@ -106,7 +106,7 @@ class LinesTest(CommandLineTest):
         self.assertIn("the target 'x_to_a' of faults already means the line 'x'", check("[{id: x, between: [a, b]}, {id: x_to_a, between: [b, a]}]"))
         self.assertIn("already means every client's own lines", check("[{id: both, between: [a, b]}]"))
         self.assertIn("wrong.yaml:6:8: lines: a line is between two of several `clients`, and there is one", check(clients="[{id: a}]"))
-        self.assertIn("wrong.yaml:7:47: target: unknown value 'cros'", target("cros"))
+        self.assertIn("wrong.yaml:7:46: target: unknown value 'cros'", target("cros"))
         self.assertIn("cross", target("cros"))
         self.assertIn("target: unknown value 'cross_to_c'", target("cross_to_c"))
         self.assertIn("wrong.yaml:7:24: type: frame.drop acts on whole frames, and the line carries bytes as they are", target("cross", "frame.drop"))
@@ -119,7 +119,7 @@ class LinesTest(CommandLineTest):
                             (("--client", "clocked:true"), "which has two ports only")):
             done, out, err = self.tiltproof("run", "refused.yaml", "--no-progress", *flags)
             self.assertEqual(done, 2, out + err)
-            self.assertIn("refused.yaml:6:13: lines: 'cross': ", err)
+            self.assertIn("refused.yaml:6:14: lines: 'cross': ", err)
             self.assertIn(text, err)
 
 
