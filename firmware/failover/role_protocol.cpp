@@ -10,7 +10,7 @@ namespace {
 using enum Role;
 
 // Rows: roles by number; columns: events in their order.
-constexpr std::array<std::array<Role, kRoleEventCount>, kRoleCount> kAfter = {{
+constexpr std::array<std::array<Role, kRoleEventCount>, kRoleCount> kRoleAfter = {{
     // clang-format off
     //             kNothing  kNoClaim  kPeerLost kPeerWeak kPeerPrecedes kAway     kLinkBad  kLinkGood
     /* standby */ {kStandby, kActive,  kActive,  kActive,  kStandby,     kStandby, kFailed,  kStandby},
@@ -27,7 +27,7 @@ void Count(Number& number) {
 }  // namespace
 
 Role RoleAfter(Role role, RoleEvent event) {
-  return kAfter[static_cast<std::size_t>(role)][static_cast<std::size_t>(event)];
+  return kRoleAfter[static_cast<std::size_t>(role)][static_cast<std::size_t>(event)];
 }
 
 Heartbeat RoleProtocol::BeginPeriod(TimeNs now, bool link_good) {
@@ -73,12 +73,12 @@ bool RoleProtocol::IsLost() const {
 }
 
 bool RoleProtocol::IsFresh(const Heartbeat& heartbeat) const {
-  return heartbeat.heard && static_cast<std::uint16_t>(own_.sequence - heartbeat.echo) <= kFreshPeriods;
+  return heartbeat.heard && static_cast<std::uint16_t>(own_.sequence - heartbeat.echo) <= kFreshEchoPeriods;
 }
 
 // The peer may have heard this board before its reset. Numbers of that time must not look like those that are fresh.
 void RoleProtocol::ContinueAfter(std::uint16_t number) {
-  constexpr std::uint16_t kFar = 4 * kFreshPeriods;
+  constexpr std::uint16_t kFar = 4 * kFreshEchoPeriods;
   const auto ahead = static_cast<std::uint16_t>(own_.sequence - number);
   if (ahead < kFar || ahead >= 0x8000) own_.sequence = static_cast<std::uint16_t>(number + kFar);
 }

@@ -33,7 +33,7 @@ inline constexpr std::uint8_t kLostPeriods = 3;
 // when the line is lost from the beginning.
 inline constexpr std::uint8_t kListenPeriods[2] = {3, 6};
 // A heartbeat is fresh when it answers one that was sent at most so many control periods ago.
-inline constexpr std::uint16_t kFreshPeriods = 2;
+inline constexpr std::uint16_t kFreshEchoPeriods = 2;
 // An active board that did not run for longer has lost its claim: an arbiter has dropped it.
 inline constexpr TimeNs kLease_ns = 36 * kNsPerMs;
 

@@ -94,7 +94,8 @@ void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec
     const auto* image = std::get_if<EmulatedImage>(&clients[i]);
     if (image == nullptr) continue;
     const std::vector<LineEndId> ends = scenario.line_ends_of(i);
-    for (const auto& [line, usart] : image->line_usarts)
+    for (const auto& named : image->line_usarts) {
+      const std::string& line = named.first;
       if (std::none_of(ends.begin(), ends.end(),
                        [&](const LineEndId& end) { return scenario.lines[end.line].id == line; })) {
         const std::string why =
@@ -102,6 +103,7 @@ void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec
                         ToText(clients[i]), scenario.client_id(i), line, scenario.name);
         problems.push_back({why, why});
       }
+    }
   }
 }
 

@@ -88,7 +88,7 @@ std::string Text(const Faults& faults) {
 // Makes numbers relative, and cuts them off where no larger one makes a difference.
 void Canonicalise(World& world) {
   constexpr std::uint16_t kFar =
-      12;  // beyond all that is compared: kFreshPeriods, and the longest delay with its round
+      12;  // beyond all that is compared: kFreshEchoPeriods, and the longest delay with its round
   std::array<RoleMemory, 2> memory = {world.boards[0].roles.memory(), world.boards[1].roles.memory()};
   const std::array<std::uint16_t, 2> base = {memory[0].sequence, memory[1].sequence};
   const bool settled = world.late.empty();
