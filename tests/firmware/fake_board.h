@@ -92,7 +92,7 @@ class FakeBoard {
   FakeBoard(const ClientLibrary& library, const char* firmware, const char* dialect, std::int64_t baud = 0)
       : library_(library), baud_(baud) {
     host_ = {TILTPROOF_CLIENT_ABI_VERSION, firmware,        dialect, this,
-             &FakeBoard::Transmit,         &FakeBoard::Log, nullptr};
+             &FakeBoard::Transmit,         &FakeBoard::Log, nullptr, nullptr};
     client_ = library_.create(&host_);
     if (client_ == nullptr) throw std::runtime_error("the library refuses to be this firmware");
   }

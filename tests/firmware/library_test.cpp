@@ -67,7 +67,7 @@ TEST_P(LibraryTest, RefusesWhatItCannotBe) {
     return now_ns;
   };
   const TiltproofHost good{
-      TILTPROOF_CLIENT_ABI_VERSION, "paper", "paper", nullptr, transmit, nullptr, nullptr};
+      TILTPROOF_CLIENT_ABI_VERSION, "paper", "paper", nullptr, transmit, nullptr, nullptr, nullptr};
   TiltproofClient* client = library_.create(&good);
   ASSERT_NE(client, nullptr);
   library_.start(client, 0);  // there is no log
@@ -142,7 +142,7 @@ TEST(HostLibraryTest, AllocatesInCreateOnly) {
   const ClientLibrary library(TILTPROOF_FIRMWARE_LIBRARY);
   CountingHost counter;
   const TiltproofHost host{TILTPROOF_CLIENT_ABI_VERSION, "tolerant", "paper", &counter,
-                           &CountingHost::Transmit,      nullptr,    nullptr};
+                           &CountingHost::Transmit,      nullptr,    nullptr, nullptr};
   const Bytes reply = Frame(std::array<float, 16>{});
   const Bytes reference = Frame(std::array<float, 7>{});
   // Faults: a height that jumps, one that is no number, a turn that nothing explains, a reference far away.

@@ -99,6 +99,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       &world,
       World::Transmit,
       [](void*, std::int64_t, const char* text) { Require(*text != 0, "a log has text"); },
+      nullptr,
       nullptr};
   const std::unique_ptr<TiltproofClient, void (*)(TiltproofClient*)> client(tiltproof_client_create(&host),
                                                                             tiltproof_client_destroy);
