@@ -108,6 +108,7 @@ class Conductor final : private SteeredFlight {
   void ServePlantEnd(ClientChannel& channel, BootTime now);
   BootTime Horizon(const ClientChannel& channel, BootTime now) const;
   BootTime HorizonBeforeStart(const ClientChannel& channel) const;
+  void AskRole(ClientChannel& channel);
   void TellRoles();
   void ForwardEvents();
   void SendReference(BootTime now);
@@ -361,6 +362,7 @@ void Conductor::ServePlantEnd(ClientChannel& channel, BootTime now) {
     if (piece->message == nullptr) continue;
     const bool was_started = started();
     const BootTime arrival = piece->arrival_ns;
+    if (started() && scenario_.arbiter.type == ArbiterType::kActiveClaims) AskRole(channel);
     replies_.clear();
     server_.Receive(channel.index(), arrival, *piece->message, [this](std::span<const std::uint8_t> frame) {
       replies_.emplace_back(frame.begin(), frame.end());
@@ -486,6 +488,13 @@ void Conductor::Sample(BootTime now) {
     if (steered_ != nullptr) watched_ = sample.watched;
     log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
   }
+}
+
+// A command counts by the role in which it comes, not by that of the row before: the first one would be lost.
+void Conductor::AskRole(ClientChannel& channel) {
+  if (channel.is_lost()) return;
+  With(channel, [&](ClientChannel& own) { roles_.at(own.index()).sampled = own.Sample().role; });
+  TellRoles();
 }
 
 // Roles that have changed, once the plant has come as far as the clients: they hold from the next boundary on.
