@@ -31,8 +31,10 @@ BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sin
       rate_(scenario.lines[line].rate()),
       faults_(FaultsOf(scenario, line, protocol_)),
       // A client that runs on may be a byte time ahead of the others (Conductor::Horizon).
-      to_first_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(0), *protocol_, faults_.Filter(DirectionTo(0))),
-      to_second_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(1), *protocol_, faults_.Filter(DirectionTo(1))),
+      to_first_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(0), *protocol_,
+                faults_.Filter(DirectionTo(0))),
+      to_second_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(1), *protocol_,
+                 faults_.Filter(DirectionTo(1))),
       bytes_(sink, scenario.client_count() + line),
       records_(sink, std::nullopt) {
   for (const faults::FaultSpec& fault : scenario.faults) fault_ids_.push_back(fault.id);

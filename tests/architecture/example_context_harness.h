@@ -501,7 +501,8 @@ extern BootTime wake_ns;
 // harness/run/board_line.h
 extern BootTime now, until;
 extern std::vector<std::uint8_t> bytes;
-void Receive(BootTime arrival, std::span<const std::uint8_t> bytes, std::span<const faults::ReceiveMark> marks);
+void Receive(BootTime arrival, std::span<const std::uint8_t> bytes,
+             std::span<const faults::ReceiveMark> marks);
 
 // harness/run/client_channel.h
 std::unique_ptr<Client> make_client(std::size_t client, ClientHost host);

@@ -68,7 +68,7 @@ class LinesTest(CommandLineTest):
         for flags in ((), ("--distributed=socket",)):
             self.fly("noisy", *flags)
             self.assertEqual(self.heard("noisy", "a"), heard)
-        done, out, err = self.tiltproof("replay", self.latest(), "noisy")
+        done, out, err = self.tiltproof("replay", self.latest() / "noisy")
         self.assertEqual(done, 0, out + err)
 
     def test_the_dump_names_line_and_way(self):
