@@ -2,7 +2,7 @@
 //
 //   RedundantBoard board(Redundancy::kFailover, 0, port);
 //   board.Receive(Uart::kCross, bytes);
-//   if (const auto integrals = board.TakeIntegrals(own)) law.SetIntegrals(*integrals);
+//   if (const auto integrals = board.TakeIntegrals(law.integrals())) law.SetIntegrals(*integrals);
 //   board.BeginPeriod(now, law.integrals());     // once per control period: sends to the other boards
 //   board.NoteReply();                           // a valid reply of the vehicle
 //
