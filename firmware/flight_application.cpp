@@ -33,7 +33,8 @@ TimeNs FlightApplication::Tick(TimeNs now) {
   }
   while (const auto item = sensor_cycle_.Next(now)) {
     if (redundant_board_) NoteItem(*item);
-    if (const auto command = control_.Do(*item)) actuator_writer_.Send(now, *command);
+    const auto command = control_.Do(*item);
+    if (command && (!redundant_board_ || redundant_board_->commands())) actuator_writer_.Send(now, *command);
     ++control_count_;
   }
   return sensor_cycle_.wake_ns();

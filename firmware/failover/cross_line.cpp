@@ -9,7 +9,8 @@ constexpr std::uint8_t kRoleBits = 3;
 constexpr std::uint8_t kHeardBit = 1 << 2;
 constexpr std::uint8_t kLinkGoodBit = 1 << 3;
 constexpr std::uint8_t kKeepsBit = 1 << 4;
-constexpr std::uint8_t kUnknownBits = 0xE0;
+constexpr std::uint8_t kReadyBit = 1 << 5;
+constexpr std::uint8_t kUnknownBits = 0xC0;
 
 // Bits of infinity; those of numbers that are not finite are no less.
 constexpr std::uint32_t kInfinityBits = 0x7F80'0000;
@@ -31,7 +32,8 @@ std::array<std::uint8_t, kCrossPayloadBytes> EncodeCross(const CrossMessage& mes
   std::uint8_t* to = payload.data();
   Store(to,
         static_cast<std::uint32_t>(heartbeat.role) | (heartbeat.heard ? kHeardBit : 0U) |
-            (heartbeat.link_good ? kLinkGoodBit : 0U) | (heartbeat.keeps ? kKeepsBit : 0U),
+            (heartbeat.link_good ? kLinkGoodBit : 0U) | (heartbeat.keeps ? kKeepsBit : 0U) |
+            (heartbeat.ready ? kReadyBit : 0U),
         1);
   Store(to, heartbeat.sequence, 2);
   Store(to, heartbeat.echo, 2);
@@ -50,6 +52,7 @@ std::optional<CrossMessage> DecodeCross(std::span<const std::uint8_t> payload) {
   message.heartbeat.heard = (flags & kHeardBit) != 0;
   message.heartbeat.link_good = (flags & kLinkGoodBit) != 0;
   message.heartbeat.keeps = (flags & kKeepsBit) != 0;
+  message.heartbeat.ready = (flags & kReadyBit) != 0;
   message.heartbeat.sequence = static_cast<std::uint16_t>(Load(from, 2));
   message.heartbeat.echo = static_cast<std::uint16_t>(Load(from, 2));
   message.heartbeat.claim_age = Load(from, 4);

@@ -2,7 +2,7 @@
 //
 //   RedundantBoard board(Redundancy::kFailover, 0, port);
 //   board.Receive(Uart::kCross, bytes);
-//   if (const auto integrals = board.TakeIntegrals(own)) law.SetIntegrals(*integrals);
+//   if (const auto integrals = board.TakeIntegrals(law.integrals())) law.SetIntegrals(*integrals);
 //   board.BeginPeriod(now, law.integrals());     // once per control period: sends to the other boards
 //   board.NoteReply();                           // a valid reply of the vehicle
 //
@@ -46,6 +46,9 @@ class RedundantBoard {
   // The integrals to go on with, if others than `own`.
   std::optional<Integrals> TakeIntegrals(const Integrals& own);
   Role role() const;
+  // False for a board of `failover` that has neither claimed nor followed since its power-on: without integrals, its
+  // commands would differ from those of the other board, whose model of the vehicle would see that as a fault.
+  bool commands() const { return redundancy_ != Redundancy::kFailover || roles_.memory().ready; }
 
  private:
   struct Peer {

@@ -48,7 +48,8 @@ Heartbeat RoleProtocol::BeginPeriod(TimeNs now, bool link_good) {
           .heard = own_.peer.has_value(),
           .role = own_.role,
           .link_good = own_.link_good,
-          .keeps = own_.keeps};
+          .keeps = own_.keeps,
+          .ready = own_.ready};
 }
 
 void RoleProtocol::Hear(const Heartbeat& heartbeat) {
@@ -100,9 +101,13 @@ RoleEvent RoleProtocol::Next() const {
   if (IsLost()) return RoleEvent::kPeerLost;
   if (!own_.peer) return RoleEvent::kNothing;
   if (PeerClaims()) return own_.peer->link_good ? RoleEvent::kNothing : RoleEvent::kPeerWeak;
-  // The first board goes first.
-  const bool is_next = !own_.is_second || own_.idle_periods >= kLostPeriods;
-  return is_next ? RoleEvent::kNoClaim : RoleEvent::kNothing;
+  return IsNext() ? RoleEvent::kNoClaim : RoleEvent::kNothing;
+}
+
+// A board that was just reset has lost its integrals: one that has them goes before it. Otherwise the first board does.
+bool RoleProtocol::IsNext() const {
+  const bool goes_first = own_.ready != own_.peer->ready ? own_.ready : !own_.is_second;
+  return goes_first || own_.idle_periods >= kLostPeriods;
 }
 
 void RoleProtocol::Decide() {
@@ -111,6 +116,7 @@ void RoleProtocol::Decide() {
     before = own_.role;
     On(Next());
   } while (own_.role != before);
+  own_.ready = own_.ready || own_.role == kActive || follows();
 }
 
 void RoleProtocol::On(RoleEvent event) {

@@ -46,6 +46,7 @@ struct Heartbeat {
   Role role = Role::kStandby;
   bool link_good = false;  // the sender gets valid replies
   bool keeps = false;      // the sender has compared both claims: its own precedes
+  bool ready = false;      // the sender has claimed, or followed a claim, since its power-on
   friend bool operator==(const Heartbeat&, const Heartbeat&) = default;
 };
 
@@ -69,6 +70,7 @@ struct RoleMemory {
   Role role = Role::kStandby;
   bool link_good = false;
   bool keeps = false;
+  bool ready = false;
   std::uint8_t silent_periods = 0;  // since the last heartbeat
   std::uint8_t idle_periods = 0;    // in which neither claimed
   std::uint16_t sequence = 0;       // of the next heartbeat
@@ -103,6 +105,7 @@ class RoleProtocol {
   void ContinueAfter(std::uint16_t number);
   bool PeerPrecedes(const Heartbeat& peer);
   RoleEvent Next() const;
+  bool IsNext() const;
   void Decide();
   void On(RoleEvent event);
 

@@ -231,6 +231,18 @@ extern const std::array<float, 16> sensed;
 extern const Reference reference;
 extern std::array<float, 4> command;
 
+// firmware/failover/role_protocol.h
+extern const bool link_good;
+extern const Heartbeat received;
+
+// firmware/failover/cross_line.h
+extern const Heartbeat heartbeat;
+extern const Integrals integrals;
+extern RoleProtocol roles;
+
+// firmware/failover/redundant_board.h
+extern ControlLaw law;
+
 // firmware/lqr/lqr_application.h
 extern const LqrSetup setup;
 

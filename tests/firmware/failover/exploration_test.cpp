@@ -156,11 +156,11 @@ Digest DigestOf(const World& world) {
   };
   const auto put_heartbeat = [&](const Heartbeat& h) {
     put(std::uint64_t{h.sequence} << 48U | std::uint64_t{h.echo} << 32U | h.claim_age);
-    put(flags(h.heard, h.role, h.link_good, h.keeps));
+    put(flags(h.heard, h.role, h.link_good, h.keeps, h.ready));
   };
   for (const Board& board : world.boards) {
     const RoleMemory& own = board.roles.memory();
-    put(flags(own.role, own.link_good, own.keeps, own.silent_periods, own.idle_periods,
+    put(flags(own.role, own.link_good, own.keeps | own.ready << 1U, own.silent_periods, own.idle_periods,
               own.period_ns ? *own.period_ns / kPeriod_ns : 1, own.peer.has_value(), board.power));
     put(std::uint64_t{own.claim_age} << 32U |
         flags(board.boot_left, board.command_age, board.lost_periods, board.died_in_force));

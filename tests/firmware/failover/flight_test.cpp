@@ -126,6 +126,17 @@ TEST(FailoverFlight, ABoardThatWasResetFliesOnWithTheIntegralsOfTheOther) {
   EXPECT_LT(LargestError(log, 4), 0.5);
 }
 
+// The board is back before it is missed, but without its integrals.
+TEST(FailoverFlight, AShortResetIsASwitchToTheBoardThatHasTheIntegrals) {
+  for (const double boot_ms : {0.0, 5.0, 10.0, 20.0, 30.0}) {
+    const RunLog log = Fly(Boards("failover", {Reset("a", 4 * kNsPerS, boot_ms)}));
+    ASSERT_EQ(log.end_reason, EndReason::kCompleted) << boot_ms << log.end_text;
+    EXPECT_EQ(log.redundancy->switches_count, 1) << boot_ms;
+    EXPECT_LT(log.redundancy->largest_bump, kBumpMax) << boot_ms;
+    EXPECT_LT(LargestError(log, 4), 0.5) << boot_ms;
+  }
+}
+
 TEST(FailoverFlight, TheSecondClaimEndsWhenTheLineIsBack) {
   const RunLog log = Fly(Boards("failover", {OnCross("link.silence", 3 * kNsPerS, 5 * kNsPerS)}));
   ASSERT_EQ(log.end_reason, EndReason::kCompleted) << log.end_text;

@@ -43,7 +43,8 @@ CrossMessage AnyMessage(std::mt19937& random) {
                                      .heard = below(2) == 1,
                                      .role = static_cast<Role>(below(3)),
                                      .link_good = below(2) == 1,
-                                     .keeps = below(2) == 1}};
+                                     .keeps = below(2) == 1,
+                                     .ready = below(2) == 1}};
   for (float& integral : message.integrals) {
     const auto bits = static_cast<std::uint32_t>(random());
     integral = (bits & 0x7F80'0000U) == 0x7F80'0000U ? 1.0F : std::bit_cast<float>(bits);
@@ -61,7 +62,7 @@ TEST(CrossMessage, ComesBackAsItWasSentAndOtherwiseNotAtAll) {
     EXPECT_EQ(EncodeCross(*decoded), payload);
     EXPECT_EQ(decoded->heartbeat, message.heartbeat);
     EXPECT_FALSE(DecodeCross(std::span(payload).first(payload.size() - 1)));
-    payload[0] |= static_cast<std::uint8_t>(0x20U << random() % 3);
+    payload[0] |= static_cast<std::uint8_t>(0x40U << random() % 2);
     EXPECT_FALSE(DecodeCross(payload)) << "an unknown flag";
   }
 }
