@@ -151,7 +151,6 @@ int Node::Run() {
            fmt::format("the {} node was ended (signal {}, {})", options_.name, number, sigdescr_np(number)));
     loop_.stop();
   });
-  if (StandsBack()) return 3;
   Beat();
   loop_.run();
   // A node that leaves in the middle of a run takes its ports with it; the harness sees it go.
