@@ -4,15 +4,18 @@
 
 #include <variant>
 
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
 
 struct DriftClock {
   double ppm = 0.0;  // how much too fast; the time gained stays after the end
+  TILTPROOF_FIELDS(ppm)
 };
 struct JumpClock {
   TimeNs by_ns = 0;  // forward; reverted at the end
+  TILTPROOF_FIELDS(by_ns)
 };
 using ClockAction = std::variant<DriftClock, JumpClock>;
 

@@ -21,6 +21,7 @@
 #include "faults/clock_action.h"
 #include "faults/fault.h"
 #include "faults/parameters.h"
+#include "link/fields.h"
 #include "link/time.h"
 
 namespace tiltproof::faults {
@@ -32,6 +33,7 @@ struct StallProcessor {};   // until the end
 struct DelayTask {          // each time from the begin on, until the end
   TimeNs delay_ns = 0;
   TimeNs every_ns = 0;
+  TILTPROOF_FIELDS(delay_ns, every_ns)
 };
 struct SlowProcessor {  // computes so many times longer, until the end
   double factor = 1;
@@ -40,6 +42,7 @@ struct FlipBits {
   std::string region;  // "ram", "data", "bss", "stack", or an object of the image
   std::int64_t bit_count = 0;
   std::uint64_t stream = 0;  // for DrawBitFlips()
+  TILTPROOF_FIELDS(region, bit_count, stream)
 };
 using DeviceAction = std::variant<ResetProcessor, ResetByWatchdog, HangProcessor, StallProcessor, DelayTask,
                                   SlowProcessor, FlipBits, DriftClock, JumpClock>;
@@ -55,6 +58,7 @@ struct DeviceCommand {
   TimeNs until_ns = kNever;  // the processor runs again, the clock is right again; kNever: not reverted
   std::size_t fault = 0;     // index in the scenario's list
   DeviceAction action;
+  TILTPROOF_FIELDS(at_ns, until_ns, fault, action)
 };
 
 // The commands of the faults on the device, including those on the client's clock, in order of time; at

@@ -51,7 +51,12 @@ struct ReceiverInjector {
 
 struct FaultSchedule::State {
   State(std::size_t fault_count, std::uint64_t seed_in, const Place& place)
-      : protocol(place.protocol), recorder(fault_count), seed(seed_in), grows(place.grows) {
+      : protocol(place.protocol),
+        recorder(fault_count),
+        seed(seed_in),
+        client(place.client),
+        line(place.line),
+        grows(place.grows) {
     for (WireFaults& wire : wires) {
       wire.SetRecorder(&recorder);
       if (grows) wire.Grow();
@@ -132,7 +137,14 @@ struct FaultSchedule::State {
   std::array<std::uint64_t, link::kDirectionCount> received_count{};
   std::array<BootTime, link::kDirectionCount> received_ns{BootTime::Earliest(), BootTime::Earliest(),
                                                           BootTime::Earliest()};  // the last byte
+  // True if the fault may act here.
+  bool ActsHere(const FaultSpec& spec) const {
+    return spec.line == line && (client.empty() || spec.client.empty() || spec.client == client);
+  }
+
   const std::uint64_t seed;
+  const std::string client;  // empty: the only one
+  const std::string line;    // between boards; empty: the clients' own
   const bool grows;
   std::deque<FaultSpec> added;
 };
@@ -156,9 +168,7 @@ FaultSchedule::FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t 
     state_->followers[static_cast<std::size_t>(followed - specs.begin())].push_back(fault);
   }
   for (std::size_t fault = 0; fault < specs.size(); ++fault) {
-    if (specs[fault].line != place.line) continue;
-    const std::string& whose = specs[fault].client;
-    if (!place.client.empty() && !whose.empty() && whose != place.client) continue;
+    if (!state_->ActsHere(specs[fault])) continue;
     std::visit(
         [&](const auto& kind) {
           state_->Add(kind, {fault, specs[fault], *types[fault], seed});
@@ -175,6 +185,7 @@ void FaultSchedule::Add(const FaultSpec& spec) {
   state_->activities.emplace_back(kept, WindowOf(kept));
   state_->followers.emplace_back();
   state_->recorder.Grow();
+  if (!state_->ActsHere(kept)) return;
   std::visit([&](const auto& kind) { state_->Add(kind, {fault, kept, type, state_->seed}); }, type.kind);
 }
 

@@ -423,6 +423,29 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
   return left_out;
 }
 
+std::string ReasonAgainstInjecting(const FlightMeans& means, const Scenario& scenario,
+                                   const faults::FaultSpec& fault) {
+  const faults::FaultType& type = *faults::FindFaultType(fault.type);
+  const std::vector<ClientSpec> clients = means.ClientsOf(scenario);
+  for (std::size_t i = 0; i < clients.size(); ++i) {
+    if (!fault.client.empty() && fault.client != scenario.client_id(i)) continue;
+    if (auto why = Unsupported(fault, type, AbilitiesOf(clients[i], false))) return *std::move(why);
+    const auto* image = std::get_if<EmulatedImage>(&clients[i]);
+    if (image == nullptr) continue;
+    if (type.IsOneOf<faults::ClockKind>())
+      return "cannot begin while an image flies: its board has bytes whose times are told by its clock "
+             "already; put it into the scenario";
+    if (!type.IsOneOf<faults::DeviceKind>()) continue;
+    Scenario alone = scenario;
+    alone.faults = {fault};
+    std::vector<Problem> problems;
+    FindMissingRegions(Images().Read(*image, scenario.firmware_of(i), *scenario.link.protocol), alone, i,
+                       problems);
+    if (!problems.empty()) return problems.front().why;
+  }
+  return "";
+}
+
 std::vector<std::string> ReasonsAgainst(const FlightMeans& means, const SuiteScenario& base,
                                         std::span<const EnvelopeRow> rows) {
   const VehicleSignals& signals = base.model->signals();

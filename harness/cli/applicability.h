@@ -23,6 +23,10 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
 std::vector<std::string> ReasonsAgainst(const FlightMeans& means, const SuiteScenario& base,
                                         std::span<const EnvelopeRow> rows);
 
+// The reason that this fault cannot be injected into a flight of the scenario in lockstep; empty: it can.
+std::string ReasonAgainstInjecting(const FlightMeans& means, const Scenario& scenario,
+                                   const faults::FaultSpec& fault);
+
 // One line, with its place, for each formula of the scenario that names the supervisor state of a client that tells none, and
 // for a heading that the shipped firmware does not keep. Throws UsageError when the emulator has no image for the scenario.
 std::vector<std::string> ClientProblems(const RunClients& clients, const Scenario& scenario);

@@ -5,32 +5,41 @@
 #include <fmt/format.h>
 #include <ifaddrs.h>
 #include <net/if.h>
+#include <poll.h>
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <boost/asio/io_context.hpp>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 #include <stdexcept>
+#include <string_view>
 #include <vector>
 
 #include "harness/cli/client_flag.h"
 #include "harness/cli/shared_options.h"
+#include "harness/client/clocked_program.h"
 #include "harness/client/firmware_files.h"
+#include "harness/client/make_client.h"
+#include "harness/client/program_process.h"
 #include "harness/emulator/lockstep_self_test.h"
 #include "harness/process/child_process.h"
 #include "harness/process/realtime_rights.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/scenario.h"
 #include "harness/terminal/terminal.h"
+#include "link/protocol.h"
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
@@ -51,6 +60,8 @@ namespace fs = std::filesystem;
 constexpr std::int64_t kBaud = LinkSpec::kDefaultBaud;
 // Time for which an adapter may hold bytes back, out of a scenario's delay margin.
 constexpr int kLatencyTimerMax_ms = 1;
+// Python 3.x that the module needs.
+constexpr int kPythonMinor = 11;
 
 enum class Status { kOk, kWarn, kFail };
 
@@ -268,6 +279,65 @@ Check CheckPseudoTerminals() {
   }
 }
 
+Check CheckProgramSocket() {
+  Check check{.name = "socket of programs", .text = "can be made", .advice = {}};
+  try {
+    ProgramProcess::TrySocket();
+  } catch (const std::runtime_error& error) {
+    check.status = Status::kWarn;
+    check.text = fmt::format("{} (only `--client program:CMD` and clocked:CMD need it)", error.what());
+    check.advice = "set TMPDIR to a folder of yours with a short path";
+  }
+  return check;
+}
+
+// Starts a program under it.
+Check CheckVirtualClock() {
+  Check check{.name = "virtual clock", .text = "works", .advice = {}};
+  try {
+    ClientHost host;
+    host.transmit = [](Uart /*uart*/, BootTime now, std::span<const std::uint8_t> /*bytes*/) { return now; };
+    host.log = [](BootTime /*now*/, std::string_view /*text*/) {};
+    ClientSettings settings;
+    settings.protocol = link::FindProtocol("paper");
+    if (const auto mistake = ClockMistake("sleep")) throw std::runtime_error(*mistake);
+    const auto client = MakeClient(LockstepProgram{"sleep 1", true}, settings, host);
+    if (client->Start(BootTime()) == BootTime(kNsPerS)) return check;
+    check.text = "it does not hold `sleep`";
+  } catch (const std::exception& error) {
+    check.text = error.what();
+  }
+  check.status = Status::kWarn;
+  check.text += " (only `--client clocked:CMD` needs it)";
+  check.advice = "fly such a program with --client process:CMD and --mode realtime";
+  return check;
+}
+
+Check CheckPython() {
+  Check check{.name = "python3", .text = {}, .advice = {}};
+  try {
+    constexpr int kTimeout_ms = 10'000;
+    ChildProcess python({.command = {"python3", "-c", "import sys; print('%d.%d' % sys.version_info[:2])"},
+                         .output = ChildSpec::kPipe,
+                         .error = ChildSpec::kNull});
+    pollfd ended{python.pidfd(), POLLIN, 0};
+    poll(&ended, 1, kTimeout_ms);
+    std::array<char, 64> buffer;
+    const ssize_t count = read(python.output(), buffer.data(), buffer.size());
+    check.text.assign(buffer.data(), count < 1 ? 0 : static_cast<std::size_t>(count) - 1);
+    int minor = 0;
+    if (check.text.starts_with("3.") && (minor = std::atoi(check.text.c_str() + 2)) >= kPythonMinor)
+      return check;
+    check.text = check.text.empty() ? "it does not run" : fmt::format("{} is too old", check.text);
+  } catch (const std::runtime_error& error) {
+    check.text = error.what();
+  }
+  check.status = Status::kWarn;
+  check.text += fmt::format(" (only the Python module needs it, 3.{} or later)", kPythonMinor);
+  check.advice = "`sudo apt-get install --no-install-recommends python3`";
+  return check;
+}
+
 Check CheckEmulator() {
   Check check{.name = "emulator", .text = {}, .advice = {}};
   try {
@@ -353,6 +423,9 @@ int DoctorCommand(const DoctorOptions& options) {
   checks.push_back(CheckEmulator());
   if (checks.back().status == Status::kOk) checks.push_back(CheckLockstep());
   checks.push_back(CheckImages());
+  checks.push_back(CheckProgramSocket());
+  checks.push_back(CheckVirtualClock());
+  checks.push_back(CheckPython());
   CheckSerialDevices(options.root, checks);
   CheckClientDevices(client_devices, checks);
   for (const auto& check : checks) PrintCheck(check, options.format == "jsonl");

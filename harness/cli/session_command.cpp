@@ -12,6 +12,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
 #include "harness/cli/search_flights.h"
@@ -35,6 +36,7 @@ struct SessionOptions {
   std::string firmware;
   std::optional<std::uint64_t> seed;
   std::filesystem::path out = "results";
+  bool no_report = false;
   std::vector<std::string> command;  // as typed
 };
 
@@ -79,11 +81,6 @@ SuiteScenario Load(const SessionOptions& options, const FlightMeans& means) {
     if (std::find(scenario.watch.begin(), scenario.watch.end(), variable) == scenario.watch.end())
       scenario.watch.push_back(variable);
   if (options.seed) scenario.seed = *options.seed;
-  if (scenario.has_several_clients())
-    throw UsageError(
-        fmt::format("session: {}: several clients fly in processes of their own, and a session "
-                    "steers a flight with one client",
-                    options.scenario.string()));
   RemoveNotApplicable(means, true, suite);
   return std::move(suite.scenarios.front());
 }
@@ -132,7 +129,10 @@ int SessionCommand(const SessionOptions& options) {
                               {"time_s", 0.0},
                               {"duration_s", ToSeconds(scenario.end_ns())},
                               {"period_s", ToSeconds(scenario.link.protocol->control_period_ns)}},
-                    .abilities = AbilitiesOf(means.ClientsOf(scenario).front(), false),
+                    .why_not =
+                        [&means](const Scenario& of, const faults::FaultSpec& fault) {
+                          return ReasonAgainstInjecting(means, of, fault);
+                        },
                     .interrupted = InterruptScope::flag()},
                    models, Trace(TraceLayout(entry.model->signals(), scenario).columns).columns());
   std::vector<FlightJob> jobs;
@@ -150,6 +150,7 @@ int SessionCommand(const SessionOptions& options) {
       std::move(jobs),
       {.on_finished = [&](const FlightJob& job, const FlightResult& result) { record.Take(job, result); }});
   record.Finish(flown.interrupted, "not flown: the session was interrupted");
+  if (!options.no_report) WriteReport(folder);
   if (!flown.results.empty()) talk.TellEnd(EndedLine(flown.results.front(), flight_folder));
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }
@@ -174,6 +175,7 @@ void RegisterSession(CLI::App& program, CommandLine& line) {
       ->delimiter(',')
       ->allow_extra_args(false);
   command->add_option("--out", options->out, "Parent of the run's own results folder")->capture_default_str();
+  command->add_flag("--no-report", options->no_report, "Write no report.html");
   command->footer("docs/session.md describes the lines; the Python module tiltproof speaks them.");
   SetAction(*command, line, [options] { return SessionCommand(*options); });
 }

@@ -18,7 +18,7 @@
 #include "harness/report/json_text.h"
 #include "harness/run/fault_conditions.h"
 #include "harness/scenario/did_you_mean.h"
-#include "harness/scenario/fault_support.h"
+#include "harness/terminal/terminal.h"
 #include "link/check.h"
 
 namespace tiltproof::harness {
@@ -195,17 +195,16 @@ void SessionTalk::Inject(const Json& fault, SteeredFlight& flight, const Scenari
     AddedFault text{.text = JsonLine(fault),
                     .id = fmt::format("injected-{}", injected_count_ + 1),
                     .start_ns = flight.time_ns()};
-    added = WithFault(flown, text, models_).faults.back();
+    added = ReadFault(flown, text, models_);
     if (const TimeNs begin_ns = flight.FaultTime(*added); begin_ns > text.start_ns) {
       text.start_ns = begin_ns;
-      added = WithFault(flown, text, models_).faults.back();
+      added = ReadFault(flown, text, models_);
     }
   } catch (const std::runtime_error& error) {
     throw RequestError("inject", error.what());
   }
-  const faults::FaultType& type = *faults::FindFaultType(added->type);
-  if (const auto reason = Unsupported(*added, type, ends_.abilities))
-    throw RequestError("inject", fmt::format("fault '{}' ({}) {}", added->id, type.name, *reason));
+  if (const std::string reason = ends_.why_not(flown, *added); !reason.empty())
+    throw RequestError("inject", fmt::format("fault '{}' ({}) {}", added->id, added->type, reason));
   flight.Add(*added);
   ++injected_count_;
   Answer(flight.time_ns(), {{"id", added->id}, {"start_s", ToSeconds(added->start_ns)}});
@@ -223,8 +222,8 @@ void SessionTalk::Remove(const Json& request, SteeredFlight& flight, const Scena
   }
   if (faults::FindFaultType(found->type)->is_command())
     throw RequestError("remove",
-                       fmt::format("'{}' ({}) is planned before the flight, and stays: let its window end "
-                                   "earlier in the scenario",
+                       fmt::format("'{}' ({}) is on the device, which knows its end already: give it another "
+                                   "window or duration_s",
                                    id, found->type));
   const TimeNs end_ns = flight.FaultTime(*found);
   flight.Remove(static_cast<std::size_t>(found - all.begin()));
@@ -323,6 +322,8 @@ void SessionTalk::Write(const Json& line) {
     const ssize_t count = write(ends_.out, text.data() + done, text.size() - done);
     if (count < 0 && errno == EINTR) continue;
     unheard_ = count < 0;
+    if (unheard_ && errno != EPIPE)
+      Print(stderr, "tiltproof: session: the answers cannot be written: {}\n", std::strerror(errno));
     if (count > 0) done += static_cast<std::size_t>(count);
   }
 }

@@ -24,7 +24,6 @@
 #include "harness/reference/reference_path.h"
 #include "harness/run/row_signals.h"
 #include "harness/run/steered_flight.h"
-#include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
 
 namespace tiltproof::harness {
@@ -34,7 +33,8 @@ class SessionTalk {
   struct Ends {
     int in = -1, out = -1;
     nlohmann::ordered_json hello;  // of the first line; the talk adds the signals
-    ClientAbilities abilities;     // which faults can be injected
+    // The reason that a fault cannot be injected into the scenario's flight; empty: it can.
+    std::function<std::string(const Scenario& flown, const faults::FaultSpec& fault)> why_not;
     const std::atomic<bool>* interrupted = nullptr;
   };
   // `models` holds the scenario's vehicle, and must outlive it. `columns`: of the trace. Throws std::runtime_error.

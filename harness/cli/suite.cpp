@@ -59,18 +59,29 @@ std::optional<FormulaProblem> CheckCondition(std::string_view text, const Scenar
   }
 }
 
-ReadOptions MakeReadOptions(ModelCache& models) {
-  ReadOptions options;
-  options.models_folder = ModelsFolder();
-  options.metric_names = MetricNames();
-  // A model that cannot be loaded has its own message.
-  options.vehicle_signals = [&models](const Scenario& scenario) -> std::optional<VehicleSignals> {
+// A model that cannot be loaded has its own message.
+decltype(ReadOptions::vehicle_signals) SignalsFrom(ModelCache& models) {
+  return [&models](const Scenario& scenario) -> std::optional<VehicleSignals> {
     try {
       return models.Load(scenario.model_file, scenario.allow_invalid_inertia)->signals();
     } catch (const std::exception&) {
       return std::nullopt;
     }
   };
+}
+
+// Enough for one more fault.
+ReadOptions FaultReadOptions(ModelCache& models) {
+  ReadOptions options;
+  options.vehicle_signals = SignalsFrom(models);
+  return options;
+}
+
+ReadOptions MakeReadOptions(ModelCache& models) {
+  ReadOptions options;
+  options.models_folder = ModelsFolder();
+  options.metric_names = MetricNames();
+  options.vehicle_signals = SignalsFrom(models);
   const auto with_vehicle = [signals = options.vehicle_signals](const auto& check) {
     return
         [signals, check](std::string_view text, const Scenario& scenario) -> std::optional<FormulaProblem> {
@@ -364,17 +375,14 @@ LoadedScenario LoadAnnounced(const std::string& yaml) {
 
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
   ModelCache models;
-  Scenario more = WithFault(scenario, fault, models);
-  if (faults::FindFaultType(more.faults.back().type)->As<faults::ReceiverKind>() != nullptr)
-    throw CannotBegin(more.faults.back());
+  Scenario more = AddFault(scenario, fault, FaultReadOptions(models));
+  const faults::FaultType& type = *faults::FindFaultType(more.faults.back().type);
+  if (type.is_command() || type.IsOneOf<faults::ReceiverKind>()) throw CannotBegin(more.faults.back());
   return more;
 }
 
-Scenario WithFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models) {
-  Scenario more = AddFault(scenario, fault, MakeReadOptions(models));
-  const faults::FaultType* type = faults::FindFaultType(more.faults.back().type);
-  if (type == nullptr || type->is_command()) throw CannotBegin(more.faults.back());
-  return more;
+faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models) {
+  return AddFault(scenario, fault, FaultReadOptions(models)).faults.back();
 }
 
 std::shared_ptr<const plant::VehicleModel> LoadModelFlag(const std::string& model) {

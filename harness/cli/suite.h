@@ -83,8 +83,8 @@ Scenario ReadResolvedText(const std::string& yaml, ModelCache& models);
 // The scenario with a fault that a user injects while it flies in real time. Throws std::runtime_error with the mistake
 // in the fault, or the reason why it cannot act then.
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault);
-// The same in lockstep, where faults of the receiver can be added, too. `models` may hold the vehicle.
-Scenario WithFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models);
+// Reads it for a flight in lockstep, where every fault can be added that the client can take. `models` may hold the vehicle.
+faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);

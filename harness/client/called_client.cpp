@@ -20,9 +20,9 @@ constexpr TimeNs kComputeAheadMax = kNsPerS, kComputeMax = 3600 * kNsPerS;
 
 BootTime CalledClient::Start(BootTime now) {
   called_ns_ = now;
-  const BootTime wake = clock_.When(StartFirmware(clock_.At(now)));
+  wake_ns_ = WaitsFor(StartFirmware(clock_.At(now)));
   LogOutput(now);
-  return wake;
+  return wake_ns_;
 }
 
 void CalledClient::Receive(Uart uart, BootTime arrival, std::span<const std::uint8_t> bytes,
@@ -48,13 +48,23 @@ BootTime CalledClient::Grant(BootTime now, BootTime /*horizon*/) {
     wake_ns_ = Run(now);
   } else if (now < held_until_) {
     wake_ns_ = held_until_;
+    wake_shown_.reset();
   } else {
     in_reset_ = false;
     host_.event({.time_ns = now, .fault = std::nullopt, .kind = "device_runs", .text = "it has booted"});
-    wake_ns_ = clock_.When(ResetFirmware(clock_.At(now)));
+    wake_ns_ = WaitsFor(ResetFirmware(clock_.At(now)));
   }
   if (now - logged_ns_ >= kLogPeriod) LogOutput(now);
+  return Next();
+}
+
+BootTime CalledClient::Next() const {
   return resets_.empty() ? wake_ns_ : std::min(wake_ns_, resets_.front().begin);
+}
+
+BootTime CalledClient::WaitsFor(TimeNs shown) {
+  wake_shown_ = shown;
+  return clock_.When(shown);
 }
 
 // Until when it waits.
@@ -65,9 +75,10 @@ BootTime CalledClient::Run(BootTime now) {
                    .fault = hold->fault,
                    .kind = "task_delayed",
                    .text = fmt::format("held for {:.6g} ms", ToSeconds(hold->until - now) * 1e3)});
+    wake_shown_.reset();
     return hold->until;
   }
-  return clock_.When(RunFirmware(clock_.At(now)));
+  return WaitsFor(RunFirmware(clock_.At(now)));
 }
 
 TimeNs CalledClient::Compute(TimeNs shown, TimeNs length_ns, TimeNs deadline) {
@@ -96,16 +107,24 @@ TimeNs CalledClient::Compute(TimeNs shown, TimeNs length_ns, TimeNs deadline) {
 }
 
 void CalledClient::Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
+  origin_ = origin;
+  Add(commands);
+}
+
+BootTime CalledClient::Add(const std::vector<faults::DeviceCommand>& commands) {
   const auto refuse = [] {
     throw std::logic_error("a library or a program was given a command that it cannot carry out");
   };
-  clock_events_ = clock_.Follow(commands, origin);
-  task_delays_ = TaskDelays(commands, origin);
-  slow_spans_ = SlowSpans(commands, origin);
+  std::deque<DeviceEvent> events = clock_.Follow(commands, origin_);
+  clock_events_.insert(clock_events_.end(), events.begin(), events.end());
+  const auto is_earlier = [](const DeviceEvent& a, const DeviceEvent& b) { return a.time_ns < b.time_ns; };
+  std::stable_sort(clock_events_.begin(), clock_events_.end(), is_earlier);
+  task_delays_.Add(commands, origin_);
+  slow_spans_.Add(commands, origin_);
   for (const faults::DeviceCommand& command : commands)
     std::visit(Overloaded{[&](const faults::ResetProcessor&) {
-                            resets_.push_back({origin.ToBootTime(command.at_ns),
-                                               origin.ToBootTime(command.until_ns), command.fault});
+                            resets_.push_back({origin_.ToBootTime(command.at_ns),
+                                               origin_.ToBootTime(command.until_ns), command.fault});
                           },
                           [&](const faults::ResetByWatchdog&) { refuse(); },
                           [&](const faults::HangProcessor&) { refuse(); },
@@ -115,6 +134,11 @@ void CalledClient::Command(const std::vector<faults::DeviceCommand>& commands, O
                           [](const faults::DelayTask&) {}, [](const faults::SlowProcessor&) {},
                           [](const faults::DriftClock&) {}, [](const faults::JumpClock&) {}},
                command.action);
+  std::stable_sort(resets_.begin(), resets_.end(),
+                   [](const Reset& a, const Reset& b) { return a.begin < b.begin; });
+  // A wait by a clock that is wrong from now on ends at another time.
+  if (wake_shown_) wake_ns_ = clock_.When(*wake_shown_);
+  return Next();
 }
 
 std::optional<ClientStatus> CalledClient::Status() {

@@ -29,6 +29,7 @@ class CalledClient : public Client {
   BootTime Grant(BootTime now, BootTime horizon) final;
   // It can be reset or run late, and its clock can be wrong; all other faults of a device are refused before the flight.
   void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) final;
+  BootTime Add(const std::vector<faults::DeviceCommand>& commands) final;
   std::optional<ClientStatus> Status() final;
   ClientSample Sample() final;
 
@@ -63,6 +64,8 @@ class CalledClient : public Client {
     std::size_t fault;
   };
   BootTime Run(BootTime now);
+  BootTime WaitsFor(TimeNs shown);
+  BootTime Next() const;
 
   ClientHost host_;
   AbortReport report_;
@@ -77,6 +80,8 @@ class CalledClient : public Client {
   bool in_reset_ = false;
   BootTime held_until_;
   BootTime wake_ns_ = BootTime::Never();
+  std::optional<TimeNs> wake_shown_;  // by its clock, while it is the firmware that waits
+  Origin origin_;
   BootTime logged_ns_;
 };
 

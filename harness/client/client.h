@@ -105,6 +105,9 @@ class Client {
   // std::runtime_error for a command that makes no sense with this firmware (a region that its image does not
   // have).
   virtual void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) = 0;
+  // More of them, after Command(), which begin at the present time or later; none is of a clock where the client runs on.
+  // Returns until when the client waits.
+  virtual BootTime Add(const std::vector<faults::DeviceCommand>& commands) = 0;
   virtual std::optional<ClientStatus> Status() = 0;
   // At the client's present time, between two calls of Grant().
   virtual ClientSample Sample() = 0;

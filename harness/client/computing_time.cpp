@@ -7,7 +7,7 @@
 
 namespace tiltproof::harness {
 
-SlowSpans::SlowSpans(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
+void SlowSpans::Add(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
   for (const faults::DeviceCommand& command : commands)
     if (const auto* slow = std::get_if<faults::SlowProcessor>(&command.action))
       spans_.push_back({origin.ToBootTime(command.at_ns), origin.ToBootTime(command.until_ns), slow->factor,

@@ -1,7 +1,9 @@
 // The end of a computation on a processor that faults slow down (device.slow_cpu) or take away (device.task_delay).
 //
-//   const SlowSpans slow(commands, origin);
-//   const TaskDelays delays(commands, origin);
+//   SlowSpans slow;
+//   slow.Add(commands, origin);
+//   TaskDelays delays;
+//   delays.Add(commands, origin);
 //   const BootTime end = ComputeOn(slow, delays, now, 5 * kNsPerMs).end;
 #pragma once
 
@@ -17,8 +19,8 @@ namespace tiltproof::harness {
 // When the processor is slow.
 class SlowSpans {
  public:
-  SlowSpans() = default;
-  SlowSpans(const std::vector<faults::DeviceCommand>& commands, Origin origin);
+  // Adds those of the commands.
+  void Add(const std::vector<faults::DeviceCommand>& commands, Origin origin);
 
   struct Span {
     BootTime begin, end;

@@ -49,6 +49,9 @@ class DebuggedLibrary final : public Client {
     origin_ = origin;
     library_->Command(commands, origin);
   }
+  BootTime Add(const std::vector<faults::DeviceCommand>& commands) override {
+    return library_->Add(commands);
+  }
   std::optional<ClientStatus> Status() override { return library_->Status(); }
   ClientSample Sample() override { return library_->Sample(); }
 

@@ -195,6 +195,11 @@ class EmulatorClient final : public Client {
       board_->Send(lockstep::Kind::kBreak, lockstep::Break{clock_.At(origin.ToBootTime(*break_at_ns_))});
   }
 
+  BootTime Add(const std::vector<faults::DeviceCommand>& commands) override {
+    for (const faults::DeviceCommand& command : commands) Send(command, origin_);
+    return clock_.When(now_);
+  }
+
   std::optional<ClientStatus> Status() override {
     for (OverrunRows& rows : overruns_)
       if (const auto row = rows.End()) host_.event(*row);

@@ -88,6 +88,8 @@ class Listener {
 
 }  // namespace
 
+void ProgramProcess::TrySocket() { const Listener listener; }
+
 ProgramProcess::ProgramProcess(const ProgramSpec& spec, OnLine on_line)
     : name_(spec.name), clocked_(spec.clocked), on_line_(std::move(on_line)), reader_(spec.uart_count) {
   AdoptOrphans();

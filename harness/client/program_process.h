@@ -47,6 +47,9 @@ class ProgramProcess {
   // `on_line`: gets each line that the program prints, within calls of TakeOutput().
   using OnLine = std::function<void(std::string)>;
 
+  // Throws std::runtime_error when this machine has no place for a program's socket.
+  static void TrySocket();
+
   // Returns when it has connected. Throws std::runtime_error when it does not: with the way out, for a user.
   ProgramProcess(const ProgramSpec& spec, OnLine on_line);
   ~ProgramProcess();

@@ -5,7 +5,7 @@
 
 namespace tiltproof::harness {
 
-TaskDelays::TaskDelays(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
+void TaskDelays::Add(const std::vector<faults::DeviceCommand>& commands, Origin origin) {
   for (const faults::DeviceCommand& command : commands)
     if (const auto* work = std::get_if<faults::DelayTask>(&command.action))
       spans_.push_back(

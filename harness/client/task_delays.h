@@ -1,6 +1,7 @@
 // When other work keeps a firmware's task from running (device.task_delay).
 //
-//   const TaskDelays delays(faults::DeviceCommands(scenario.faults, scenario.seed), origin);
+//   TaskDelays delays;
+//   delays.Add(faults::DeviceCommands(scenario.faults, scenario.seed), origin);
 //   if (const auto hold = delays.At(now)) wake_ns = hold->until;   // whatever is due at `now` waits until then
 #pragma once
 
@@ -15,8 +16,7 @@ namespace tiltproof::harness {
 
 class TaskDelays {
  public:
-  TaskDelays() = default;
-  TaskDelays(const std::vector<faults::DeviceCommand>& commands, Origin origin);
+  void Add(const std::vector<faults::DeviceCommand>& commands, Origin origin);
 
   struct Hold {
     BootTime until;

@@ -67,7 +67,7 @@ struct FlightJob {
   std::function<std::unique_ptr<RecordSink>()> observe = {};
   // The faults that a user injects into a flight in real time; none: injection is off.
   std::function<Injections()> injections = {};
-  // Steers it, in its worker process, in lockstep with one client: called at power-on and at each row, with the scenario as
+  // Steers it, in its worker process, in lockstep: called at power-on and at each row, with the scenario as
   // it was flown so far. While it waits, it calls `alive` now and then.
   std::function<void(SteeredFlight& flight, const Scenario& flown, const std::function<void()>& alive)>
       steer = {};

@@ -119,9 +119,17 @@ RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report,
                                      .progress_ns = progress_ns,
                                      .interrupted = interrupted};
   if (means.distributed) return FlyDistributed(scenario, job.model->signals(), processes);
-  if (scenario.has_several_clients()) return FlyClientsApart(scenario, *job.model, processes);
-  if (means.FirmwareInWorker(scenario)) FirmwareGuard::Install(&report.firmware);
   FlightOptions options;
+  options.progress_ns = progress_ns;
+  options.interrupted = interrupted;
+  options.flown = &flown;
+  if (job.steer)
+    options.steer = [&](SteeredFlight& flight) {
+      job.steer(flight, flown, [&report] { report.progress_ns.fetch_add(1, std::memory_order_relaxed); });
+    };
+  if (scenario.has_several_clients())
+    return FlyClientsApart(scenario, *job.model, processes, std::move(options));
+  if (means.FirmwareInWorker(scenario)) FirmwareGuard::Install(&report.firmware);
   options.retire = [&](std::unique_ptr<Client> retired) { client = std::move(retired); };
   options.make_client = [&](std::size_t /*client*/, ClientHost host) {
     ClientSettings settings = SettingsOf(scenario);
@@ -139,15 +147,8 @@ RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report,
               : HowToDebugLibrary(*means.debug));
     return MakeClient(spec, settings, std::move(host));
   };
-  options.progress_ns = progress_ns;
-  options.interrupted = interrupted;
   const std::unique_ptr<RecordSink> observer = job.observe ? job.observe() : nullptr;
   options.observer = observer.get();
-  options.flown = &flown;
-  if (job.steer)
-    options.steer = [&](SteeredFlight& flight) {
-      job.steer(flight, flown, [&report] { report.progress_ns.fetch_add(1, std::memory_order_relaxed); });
-    };
   return FlyOrFork(job, std::move(options), interrupted, drawn_before);
 }
 

@@ -28,6 +28,9 @@ namespace tiltproof::harness {
 
 template <class T>
 concept Scalar = std::is_arithmetic_v<T> || std::is_enum_v<T>;
+// A struct that says all by its type.
+template <class T>
+concept Empty = std::is_empty_v<T> && !HasFields<T>;
 // A class that checks and keeps bytes.
 template <class T>
 concept MadeOfContent = requires(const T& value) {
@@ -100,6 +103,8 @@ class Packer {
     static_assert(NamesEveryField<T>());
     T::Fields([this](const char*, const auto& field) { this->Put(field); }, value);
   }
+  template <Empty T>
+  void Put(const T& /*value*/) {}
   template <MadeOfContent T>
   void Put(const T& value) {
     Put(value.content());
@@ -193,6 +198,8 @@ class Unpacker {
   void Get(T& value) {
     T::Fields([this](const char*, auto& field) { this->Get(field); }, value);
   }
+  template <Empty T>
+  void Get(T& /*value*/) {}
   template <MadeOfContent T>
   void Get(T& value) {
     value = T(Next<std::vector<std::uint8_t>>());

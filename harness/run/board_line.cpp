@@ -12,24 +12,25 @@ namespace {
 using link::Direction;
 
 faults::FaultSchedule FaultsOf(const Scenario& scenario, std::size_t line,
-                               const std::shared_ptr<const link::Protocol>& protocol) {
+                               const std::shared_ptr<const link::Protocol>& protocol, bool grows) {
   const LineEntry& entry = scenario.lines.at(line);
   faults::FaultSchedule::Place place{.baud = entry.baud, .reference_baud = entry.baud};
   place.protocol = protocol;
   place.step_ns = scenario.step_ns;
   place.line = entry.id;
+  place.grows = grows;
   return {scenario.faults, scenario.seed_of_line(line), place};
 }
 
 }  // namespace
 
-BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink)
+BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool grows)
     : id_(scenario.lines.at(line).id),
       ends_(scenario.lines[line].between),
       protocol_(scenario.lines[line].protocol == nullptr ? link::RawProtocol()
                                                          : scenario.lines[line].protocol),
       rate_(scenario.lines[line].rate()),
-      faults_(FaultsOf(scenario, line, protocol_)),
+      faults_(FaultsOf(scenario, line, protocol_, grows)),
       // A client that runs on may be a byte time ahead of the others (Conductor::Horizon).
       to_first_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(0), *protocol_,
                 faults_.Filter(DirectionTo(0))),
@@ -79,6 +80,13 @@ void BoardLine::NoteOverfull(std::size_t to) {
   overfull_[1 - to] =
       OverfullOf("line " + id_ + " to " + ends_[to], faults_.CrowdOf(DirectionTo(to)), fault_ids_);
 }
+
+void BoardLine::Add(const faults::FaultSpec& fault) {
+  faults_.Add(fault);
+  fault_ids_.push_back(fault.id);
+}
+
+BootTime BoardLine::FreeTime() const { return std::max(to_first_.free_ns(), to_second_.free_ns()); }
 
 void BoardLine::SetOrigin(Origin origin) {
   origin_ = origin;

@@ -27,8 +27,8 @@ namespace tiltproof::harness {
 
 class BoardLine {
  public:
-  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line.
-  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink);
+  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line. `grows`: Add() will be called.
+  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool grows = false);
   // Not movable: its wires hold its address.
   BoardLine(const BoardLine&) = delete;
   BoardLine& operator=(const BoardLine&) = delete;
@@ -49,6 +49,11 @@ class BoardLine {
 
   // Set once more was to wait on the way from this end than a line holds, and never reset.
   const std::optional<Overfull>& overfull(std::size_t end) const { return overfull_[end]; }
+
+  // A fault of the flight that is added while it flies.
+  void Add(const faults::FaultSpec& fault);
+  // When everything that has been transmitted will have left.
+  BootTime FreeTime() const;
 
   void SetOrigin(Origin origin);
   std::vector<faults::FaultEvent> PollEvents() { return faults_.PollEvents(); }

@@ -19,13 +19,23 @@ constexpr int kWakesPerPeriodMax = 20'000;
 
 }  // namespace
 
-std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std::size_t client) {
-  auto commands = faults::DeviceCommands(scenario.faults, scenario.seed_of(client));
+namespace {
+
+// Commands of these faults to a client's board.
+std::vector<faults::DeviceCommand> CommandsOf(const std::vector<faults::FaultSpec>& faults,
+                                              const Scenario& scenario, std::size_t client) {
+  auto commands = faults::DeviceCommands(faults, scenario.seed_of(client));
   std::erase_if(commands, [&](const faults::DeviceCommand& command) {
-    const std::string& whose = scenario.faults[command.fault].client;
+    const std::string& whose = faults[command.fault].client;
     return !whose.empty() && whose != scenario.client_id(client);
   });
   return commands;
+}
+
+}  // namespace
+
+std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std::size_t client) {
+  return CommandsOf(scenario.faults, scenario, client);
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
@@ -109,6 +119,20 @@ void ClientChannel::Command(Origin origin) {
   commanded_ = true;
 }
 
+void ClientChannel::Add(const faults::FaultSpec& fault, std::size_t place) {
+  faults_.Add(fault);
+  auto commands = CommandsOf({fault}, scenario_, index_);
+  for (faults::DeviceCommand& command : commands) command.fault = place;
+  if (commands.empty() || is_lost()) return;
+  if (origin_.known()) {
+    const BootTime wake = client_->Add(commands);
+    if (!client_->RunsOn()) wake_ns_ = wake;
+    return;
+  }
+  commands_.insert(commands_.end(), commands.begin(), commands.end());
+  std::ranges::stable_sort(commands_, {}, &faults::DeviceCommand::at_ns);
+}
+
 void ClientChannel::CutCommands(const Future& future) {
   const auto is_cut = [&](const faults::DeviceCommand& command) {
     return std::ranges::find(future.cut, command.fault) != future.cut.end();
@@ -189,7 +213,7 @@ void ClientChannel::OnEvent(const DeviceEvent& event) {
   records_.Write(event.time_ns, record::Event{event.kind, event.text});
   receive_overruns_count_ += event.overruns_count;
   if (!event.block.empty()) totals_.unmodelled_blocks.push_back(event.block);
-  if (event.fault && *event.fault < scenario_.faults.size())
+  if (event.fault && *event.fault < faults_.ActivationCounts().size())
     faults_.Count(*event.fault, origin_.OrPowerOn().SimulationTime(event.time_ns), event.text);
 }
 

@@ -80,8 +80,8 @@ class ClientChannel {
   // at most.
   void Run(BootTime now, BootTime horizon);
 
-  // One more fault of the scenario, at the receiver. Only in a channel that grows.
-  void Add(const faults::FaultSpec& fault) { faults_.Add(fault); }
+  // One more fault of the scenario, by its place there, at the receiver or on the board. Only in a channel that grows.
+  void Add(const faults::FaultSpec& fault, std::size_t place);
 
   // Events of the faults on the line, the receiver and the board: what other faults wait for, and what these
   // faults wait for.

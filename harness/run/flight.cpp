@@ -34,7 +34,7 @@ class OwnDraws {
 // The parts in this process that a steered flight changes.
 struct SteeredParts {
   LocalPlantServer& server;
-  LocalLine& line;
+  std::deque<LocalLine>& lines;
 };
 
 // A window cannot say so.
@@ -152,7 +152,8 @@ class Conductor final : private SteeredFlight {
   TimeNs end_ns_;  // of the flight
   bool stopped_ = false;
   BootTime steered_at_ns_;
-  std::vector<double> row_, watched_;  // for the steersman
+  // For the steersman: a row, and the watched variables of all clients.
+  std::vector<double> row_, watched_;
 };
 
 Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
@@ -168,7 +169,7 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       steered_(steered),
       end_ns_(scenario.end_ns()) {
   for (std::size_t line = 0; line < scenario.lines.size(); ++line)
-    board_lines_.emplace_back(scenario, line, log);
+    board_lines_.emplace_back(scenario, line, log, steered != nullptr);
   const auto ports_of = [&](std::size_t client) {
     std::vector<LinePort> ports;
     for (const LineEndId& id : scenario.line_ends_of(client))
@@ -185,6 +186,7 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
   for (const BoardLine& line : board_lines_) shortest_byte_ns_ = std::min(shortest_byte_ns_, line.ByteTime());
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
   roles_.resize(lines.size());
+  watched_.resize(lines.size() * scenario.watch.size(), std::numeric_limits<double>::quiet_NaN());
 }
 
 RunLog Conductor::Run() {
@@ -262,23 +264,37 @@ const std::vector<double>& Conductor::Row() {
   return row_;
 }
 
-// A chunk that has passed the filters is past, even if it is still on the line. A client that runs on has got the bytes of this very
-// instant.
+// A chunk that has passed the filters is past, even if it is still on the line: its sender knows when it has left, by the clock that
+// it had. A client that runs on has got the bytes of this very instant.
 TimeNs Conductor::FaultTime(const faults::FaultSpec& fault) const {
   if (!started()) return 0;
   const faults::FaultType* type = faults::FindFaultType(fault.type);
   Check(type != nullptr, "a fault that is added is valid");
-  if (type->As<faults::WireKind>() != nullptr)
-    return std::max(time_ns(), origin().SimulationTime(steered_->line.FreeTime()));
-  return type->As<faults::ReceiverKind>() != nullptr ? time_ns() + 1 : time_ns();
+  if (type->As<faults::ReceiverKind>() != nullptr) return time_ns() + 1;
+  TimeNs time_ns = this->time_ns();
+  if (!type->IsOneOf<faults::WireKind, faults::ClockKind>()) return time_ns;
+  for (std::size_t line = 0; line < board_lines_.size(); ++line)
+    if (fault.line == scenario_.lines[line].id)
+      return std::max(time_ns, origin().SimulationTime(board_lines_[line].FreeTime()));
+  for (std::size_t client = 0; client < channels_.size(); ++client)
+    if (fault.client.empty() || fault.client == scenario_.client_id(client))
+      time_ns = std::max(time_ns, origin().SimulationTime(steered_->lines[client].FreeTime()));
+  return time_ns;
 }
 
 void Conductor::Add(const faults::FaultSpec& fault) {
   Check(!faults::WaitsForEvent(fault) && fault.start_ns >= FaultTime(fault),
         "a fault that is added begins from now on, by the clock");
   steered_->server.Add(fault);
-  steered_->line.Add(fault);
-  channels_.front().Add(fault);
+  for (LocalLine& line : steered_->lines) line.Add(fault);
+  for (BoardLine& line : board_lines_) line.Add(fault);
+  const std::size_t place = options_.flown->faults.size();
+  for (ClientChannel& channel : channels_) {
+    if (channel.is_lost())
+      channel.Add(fault, place);
+    else
+      With(channel, [&](ClientChannel& own) { own.Add(fault, place); });
+  }
   options_.flown->faults.push_back(fault);
 }
 
@@ -485,7 +501,9 @@ void Conductor::Sample(BootTime now) {
       log_.Write({time_ns, channel.index(), record::State{*sample.supervisor_state}});
     if (scenario_.watch.empty()) continue;
     sample.watched.resize(scenario_.watch.size(), std::numeric_limits<double>::quiet_NaN());
-    if (steered_ != nullptr) watched_ = sample.watched;
+    if (steered_ != nullptr)
+      std::ranges::copy(sample.watched, watched_.begin() + static_cast<std::ptrdiff_t>(
+                                                               channel.index() * scenario_.watch.size()));
     log_.Write({time_ns, channel.index(), record::Watched{std::move(sample.watched)}});
   }
 }
@@ -583,12 +601,11 @@ RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServ
 RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const FlightOptions& options) {
   const VehicleSignals signals = model.signals();
   const bool steers = static_cast<bool>(options.steer);
-  Check(!steers || (options.flown != nullptr && scenario.client_count() == 1),
-        "a steered flight has one client, and tells what was flown");
+  Check(!steers || options.flown != nullptr, "a steered flight tells what was flown");
   LogBuilder log(steers ? *options.flown : scenario, signals, options.observer);
   LocalLines lines(scenario, log, steers);
   LocalPlantServer server(scenario, model, log, steers);
-  const SteeredParts steered{server, lines.local().front()};
+  const SteeredParts steered{server, lines.local()};
   return Conductor(scenario, lines.all(), server, log, options, steers ? &steered : nullptr).Run();
 }
 

@@ -30,10 +30,10 @@ class SteeredFlight {
   virtual const std::vector<double>& Row() = 0;
   // The first time at which a fault of this type can begin or end: now, or soon.
   virtual TimeNs FaultTime(const faults::FaultSpec& fault) const = 0;
-  // Adds a fault, which begins at FaultTime() or later, depends on the clock alone, and does not act on a node or on the
-  // device. Its place is the next one in the scenario.
+  // Adds a fault, which begins at FaultTime() or later, depends on the clock alone, and does not act on a node. Its place is
+  // the next one in the scenario. A client that runs on (Client::RunsOn) takes none on its clock.
   virtual void Add(const faults::FaultSpec& fault) = 0;
-  // Ends a fault of the scenario, by its place, at FaultTime().
+  // Ends a fault of the scenario, by its place, at FaultTime(). It is not on the device, which has its commands already.
   virtual void Remove(std::size_t fault) = 0;
   // The flight ends here, at power-on after one control period, as if that were its duration.
   virtual void Stop() = 0;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "harness/scenario/compound.h"
+#include "harness/scenario/fault_keys.h"
 #include "harness/scenario/keys.h"
 #include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/scenario_checks.h"
@@ -57,7 +58,7 @@ std::pair<Scenario, YamlMark> Read(const std::filesystem::path& file, const std:
 }
 
 // Keys that say when a fault acts, or are for files.
-constexpr std::array kNotWhileFlying = {"start_s", "end_s", "when", "edge", "after", "compound", "client"};
+constexpr std::array kNotWhileFlying = {"start_s", "end_s", "when", "edge", "after", "compound"};
 
 YamlEntry Scalar(const char* key, YamlNode::Kind kind, YamlMark mark, std::string text) {
   YamlNode value;
@@ -156,17 +157,16 @@ Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadO
   const YamlMark duration = given == nullptr ? node->mark : given->key_mark;
   SetWindow(fault, *node, problems);
   if (!problems.empty()) ThrowProblems(file, std::move(problems));
-  std::optional<YamlNode> root = ParseYaml(WriteResolved(scenario), problems);
-  if (!root) ThrowProblems(file, std::move(problems));
-  const auto faults = std::find_if(root->entries.begin(), root->entries.end(),
-                                   [](const YamlEntry& entry) { return entry.key == "faults"; });
-  YamlNode& list = faults != root->entries.end()
-                       ? faults->value
-                       : root->entries.emplace_back(YamlEntry{"faults", {}, {}}).value;
-  list.kind = YamlNode::Kind::kSequence;
-  list.items.push_back(std::move(*node));
+  Scenario more = scenario;
+  more.file = file;  // of places
+  MappingReader reader(*node, problems);
+  DescribeFault(reader, more.faults.emplace_back());
+  reader.Finish();
+  CheckLastFault(*node, options, more, problems);
+  more.file = scenario.file;
+  if (problems.empty()) return more;
   try {
-    return Interpret(file, *root, options, problems);
+    ThrowProblems(file, std::move(problems));
   } catch (const ScenarioError& error) {
     ThrowInWordsOf(error, duration);
   }

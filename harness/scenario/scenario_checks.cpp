@@ -46,8 +46,8 @@ std::vector<std::string> ModelNames(const fs::path& folder) {
 class Checker {
  public:
   Checker(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
-          std::vector<YamlProblem>& problems)
-      : root_(root), options_(options), scenario_(scenario), problems_(problems) {}
+          std::vector<YamlProblem>& problems, std::size_t first_fault = 0)
+      : root_(root), options_(options), scenario_(scenario), problems_(problems), first_fault_(first_fault) {}
 
   void Run() {
     scenario_.reference_place = PlaceInFile("reference");
@@ -502,49 +502,59 @@ class Checker {
     }
   }
 
+ public:
+  // Those from `first_fault_` on, which the root has.
   void CheckFaults() {
     const YamlNode* list = ValueOf(&root_, "faults");
     std::map<std::string_view, YamlMark> ids;
-    scenario_.fault_places.clear();
-    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
-      const faults::FaultSpec& fault = scenario_.faults[i];
-      const YamlNode& node = list->items[i];
-      const YamlMark place = PlaceOf(node, "type");
-      scenario_.fault_places.push_back(
-          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
-      if (!fault.id.empty()) {
-        const auto [first, is_new] = ids.try_emplace(fault.id, PlaceOf(node, "id"));
-        if (!is_new)
-          Complain(node, "id",
-                   fmt::format("id: '{}' is taken already on line {}", fault.id, first->second.line));
-      }
-      if (scenario_.duration_ns > 0 && fault.start_ns != kPowerOn &&
-          fault.start_ns >= scenario_.duration_ns) {
-        Complain(node, "start_s", "start_s: the flight is over by then (duration_s)");
-      }
-      if (const auto* other = DriftsWith(i))
-        Complain(place,
-                 fmt::format("type: drifts at the same time as fault '{}': let their windows not overlap",
-                             other->id));
-      CheckClientNamed(node, "client", fault.client);
-      if (fault.type.empty()) continue;  // unknown, and said so
-      CheckLineOf(scenario_.faults[i], node);
-      CheckMessage(scenario_.faults[i], node);
-      for (const faults::Problem& problem : faults::Validate(fault)) {
-        // The reader has reported missing and unreadable values already.
-        // Unknown lines were reported above.
-        if (problem.key == "target" && !fault.line.empty()) continue;
-        const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
-        if (problem.key == "parameters" || (is_bound && Good(node, problem.key) == nullptr)) continue;
-        Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
-      }
-    }
+    scenario_.fault_places.resize(first_fault_);
+    for (std::size_t i = 0; i < first_fault_; ++i) ids.try_emplace(scenario_.faults[i].id, YamlMark{0, 0});
+    for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) CheckFault(i, NodeOf(i, *list), ids);
     if (list == nullptr) return;
     CheckVolume(*list);
-    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) CheckWaiting(i, list->items[i]);
+    for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) CheckWaiting(i, NodeOf(i, *list));
     CheckSignals(*list);
     CheckFields(*list);
     CheckFaultsSuit(*list);
+  }
+
+ private:
+  const YamlNode& NodeOf(std::size_t fault, const YamlNode& list) const {
+    return list.items.at(fault - first_fault_);
+  }
+
+  // `ids`: of the faults before it, with their lines.
+  void CheckFault(std::size_t i, const YamlNode& node, std::map<std::string_view, YamlMark>& ids) {
+    const faults::FaultSpec& fault = scenario_.faults[i];
+    const YamlMark place = PlaceOf(node, "type");
+    scenario_.fault_places.push_back(
+        fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
+    if (!fault.id.empty()) {
+      const auto [first, is_new] = ids.try_emplace(fault.id, PlaceOf(node, "id"));
+      if (!is_new)
+        Complain(node, "id",
+                 fmt::format("id: '{}' is taken already{}", fault.id,
+                             first->second.line == 0 ? "" : fmt::format(" on line {}", first->second.line)));
+    }
+    if (scenario_.duration_ns > 0 && fault.start_ns != kPowerOn && fault.start_ns >= scenario_.duration_ns) {
+      Complain(node, "start_s", "start_s: the flight is over by then (duration_s)");
+    }
+    if (const auto* other = DriftsWith(i))
+      Complain(place,
+               fmt::format("type: drifts at the same time as fault '{}': let their windows not overlap",
+                           other->id));
+    CheckClientNamed(node, "client", fault.client);
+    if (fault.type.empty()) return;  // unknown, and said so
+    CheckLineOf(scenario_.faults[i], node);
+    CheckMessage(scenario_.faults[i], node);
+    for (const faults::Problem& problem : faults::Validate(fault)) {
+      // The reader has reported missing and unreadable values already.
+      // Unknown lines were reported above.
+      if (problem.key == "target" && !fault.line.empty()) continue;
+      const bool is_bound = problem.key == "start_s" || problem.key == "end_s";
+      if (problem.key == "parameters" || (is_bound && Good(node, problem.key) == nullptr)) continue;
+      Complain(node, problem.key, fmt::format("{}: {}", problem.key, problem.message));
+    }
   }
 
   // Gives the message its name in the protocol.
@@ -558,19 +568,19 @@ class Checker {
 
   // A fault on a part of a frame, or on a value, is for a protocol that has these.
   void CheckFaultsSuit(const YamlNode& list) {
-    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+    for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) {
       if (!faults::Validate(scenario_.faults[i]).empty()) continue;  // reported already
       if (const auto problem = faults::ProtocolProblem(scenario_.faults[i], ProtocolOf(scenario_.faults[i])))
-        Complain(list.items[i], problem->key, fmt::format("{}: {}", problem->key, problem->message));
+        Complain(NodeOf(i, list), problem->key, fmt::format("{}: {}", problem->key, problem->message));
     }
   }
 
   // The fields that faults on frames name are those of messages that pass there.
   void CheckFields(const YamlNode& list) {
-    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+    for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) {
       const faults::FaultSpec& fault = scenario_.faults[i];
       const faults::FaultType* type = faults::FindFaultType(fault.type);
-      const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
+      const YamlNode* parameters = ValueOf(&NodeOf(i, list), "parameters");
       if (type == nullptr || parameters == nullptr) continue;
       for (const faults::ParameterInfo& info : type->parameters) {
         const YamlNode* name =
@@ -590,12 +600,12 @@ class Checker {
     if (!options_.vehicle_signals) return;
     const std::optional<VehicleSignals> vehicle = options_.vehicle_signals(scenario_);
     if (!vehicle) return;  // its model has its own message
-    for (std::size_t i = 0; i < scenario_.faults.size(); ++i) {
+    for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) {
       const faults::FaultType* type = faults::FindFaultType(scenario_.faults[i].type);
-      const YamlNode* parameters = ValueOf(&list.items[i], "parameters");
+      const YamlNode* parameters = ValueOf(&NodeOf(i, list), "parameters");
       if (type == nullptr || parameters == nullptr) continue;
       if (const auto reason = faults::Unsuited(scenario_.faults[i], *type, *vehicle))
-        Complain(list.items[i], "type", fmt::format("type: {} {}", type->name, *reason));
+        Complain(NodeOf(i, list), "type", fmt::format("type: {} {}", type->name, *reason));
       for (const faults::ParameterInfo& info : type->parameters) {
         const bool names = NamesSignal(info.kind) || NamesPart(info.kind);
         const YamlNode* name = names ? Good(*parameters, info.name) : nullptr;
@@ -652,7 +662,7 @@ class Checker {
     std::vector<std::string> ids;
     for (const std::size_t fault : too_much->faults) ids.push_back(fmt::format("'{}'", faults[fault].id));
     Complain(
-        list.items[too_much->faults.back()], "id",
+        NodeOf(std::max(too_much->faults.back(), first_fault_), list), "id",
         fmt::format("id: together {} make more than {} MiB of each frame {}, which is all that a line holds",
                     fmt::join(ids, ", "), link::kLineBytesMax >> 20, link::Name(too_much->direction)));
   }
@@ -730,6 +740,7 @@ class Checker {
   const ReadOptions& options_;
   Scenario& scenario_;
   std::vector<YamlProblem>& problems_;
+  const std::size_t first_fault_;  // in the root
   ProtocolFile protocol_;
   const YamlNode* protocol_root_ = nullptr;  // of the user's protocol
 };
@@ -739,6 +750,16 @@ class Checker {
 void CheckScenario(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
                    std::vector<YamlProblem>& problems) {
   Checker(root, options, scenario, problems).Run();
+}
+
+void CheckLastFault(const YamlNode& fault, const ReadOptions& options, Scenario& scenario,
+                    std::vector<YamlProblem>& problems) {
+  YamlNode list, root;
+  list.kind = YamlNode::Kind::kSequence;
+  list.items = {fault};
+  root.kind = YamlNode::Kind::kMapping;
+  root.entries = {{"faults", {}, std::move(list)}};
+  Checker(root, options, scenario, problems, scenario.faults.size() - 1).CheckFaults();
 }
 
 }  // namespace tiltproof::harness

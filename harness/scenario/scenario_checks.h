@@ -15,4 +15,8 @@ namespace tiltproof::harness {
 void CheckScenario(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
                    std::vector<YamlProblem>& problems);
 
+// The same for the last fault alone, which `fault` was read into. The rest of the scenario is valid.
+void CheckLastFault(const YamlNode& fault, const ReadOptions& options, Scenario& scenario,
+                    std::vector<YamlProblem>& problems);
+
 }  // namespace tiltproof::harness

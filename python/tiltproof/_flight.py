@@ -17,20 +17,25 @@ from tiltproof._result import FlightOver, NotReached, RequestError, Result
 def fly(
     scenario: str | os.PathLike[str],
     *,
-    client: str = "host",
+    client: str | Mapping[str, str] = "host",
     seed: int | None = None,
     firmware: str | None = None,
     set: Mapping[str, object] | None = None,
     watch: Iterable[str] = (),
     out: str | os.PathLike[str] = "results",
+    report: bool = True,
 ) -> Flight:
     """Begins a flight, which stands at power-on until a call lets time pass.
 
-    client, seed, firmware: as the flags of `tiltproof run`. set: other values for keys of the scenario, by their paths
+    client, seed, firmware: as the flags of `tiltproof run`; of several clients {"a": "host", "b": "library:b.so"}. set: other values for keys of the scenario, by their paths
     ({"faults.late.parameters.mean_ms": 12}). watch: variables of an emulated image, which become signals watch_NAME.
-    out: parent of the run's folder. Raises Error, with the program's message, for a scenario or flag that is not valid.
+    out: parent of the run's folder. report: whether it gets a report.html. Raises Error, with the program's message, for a scenario or flag that is not valid.
     """
-    arguments = ["session", os.fspath(scenario), "--client", client, "--out", os.fspath(out)]
+    arguments = ["session", os.fspath(scenario), "--out", os.fspath(out)]
+    for one in [client] if isinstance(client, str) else [f"{id}={own}" for id, own in client.items()]:
+        arguments += ["--client", one]
+    if not report:
+        arguments.append("--no-report")
     if seed is not None:
         arguments += ["--seed", str(seed)]
     if firmware is not None:
@@ -96,6 +101,7 @@ class Flight:
         id: str | None = None,
         duration_s: float | None = None,
         message: str | None = None,
+        client: str | None = None,
         every_nth_count: int | None = None,
         keys: Mapping[str, object] | None = None,
         **parameters: object,
@@ -103,11 +109,13 @@ class Flight:
         """Begins a fault now, for duration_s seconds or to the flight's end. Returns its id.
 
         parameters: those of the type (`tiltproof faults TYPE`). keys: other keys of a fault (`probability` of its trigger,
-        `period_s`, `duty`). A fault on the line begins when the line is free of what was sent before.
+        `period_s`, `duty`). client: the one of several on which it acts; without it, on each. A fault on the line or on a
+        clock begins when the line is free of what was sent before.
         """
         fault: dict[str, object] = {"type": type, **(keys or {})}
         given = {
             "id": id, "target": target, "message": message, "every_nth_count": every_nth_count, "duration_s": duration_s,
+            "client": client,
         }
         fault.update((key, value) for key, value in given.items() if value is not None)
         fault["parameters"] = parameters

@@ -183,7 +183,7 @@ def test_mistakes_are_named_and_change_nothing(scenario: pathlib.Path) -> None:
             "frame.drop": lambda: flight.inject("frame.dorp", target="to_client", probability=1),
             "probability": lambda: flight.inject("frame.drop", target="to_client", probability=7),
             "duration_s says for how long": lambda: flight.inject("frame.drop", target="to_client", probability=1, keys={"start_s": 9}),
-            "put it into the scenario": lambda: flight.inject("device.reset", boot_ms=5),
+            "needs an emulated board": lambda: flight.inject("device.stall", duration_s=1),
             "no fault 'lat'": lambda: flight.remove("lat"),
         }
         for message, mistake in mistakes.items():

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "harness/process/child_process.h"
-#include "harness/run/flight.h"
 #include "harness/run/introduction.h"
 #include "harness/run/remote/remote_parts.h"
 
@@ -122,7 +121,7 @@ RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
     for (const char* kind : {"link", "client"}) all.push_back(PartOf(scenario, kind, i));
   Parts parts(options, all);
   const auto setup = [&](std::size_t client) {
-    return Setup{options.scenario_yaml, ToText(options.clients.at(client)), client};
+    return Setup{options.scenario_yaml, ToText(options.clients.at(client)), client, false};
   };
   LogBuilder records(scenario, vehicle);
   RemotePlantServer plant(parts[0], setup(0), records);
@@ -142,18 +141,16 @@ RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
 }
 
 RunLog FlyClientsApart(const Scenario& scenario, const plant::VehicleModel& model,
-                       const DistributedOptions& options) {
+                       const DistributedOptions& options, FlightOptions flight) {
   std::vector<Part> all;
   for (std::size_t i = 0; i < scenario.client_count(); ++i) all.push_back(PartOf(scenario, "client", i));
   Parts parts(options, all);
-  FlightOptions flight;
+  const bool steered = static_cast<bool>(flight.steer);
   flight.make_client = [&](std::size_t client, ClientHost host) {
     return MakeRemoteClient(parts[client],
-                            Setup{options.scenario_yaml, ToText(options.clients.at(client)), client},
+                            Setup{options.scenario_yaml, ToText(options.clients.at(client)), client, steered},
                             std::move(host));
   };
-  flight.progress_ns = options.progress_ns;
-  flight.interrupted = options.interrupted;
   return Fly(scenario, model, flight);
 }
 

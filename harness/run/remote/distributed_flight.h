@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "harness/run/bus_place.h"
+#include "harness/run/flight.h"
 #include "harness/run/run_log.h"
 #include "harness/scenario/client_spec.h"
 #include "harness/scenario/scenario.h"
@@ -33,7 +34,8 @@ RunLog FlyDistributed(const Scenario& scenario, const VehicleSignals& vehicle,
 
 // With only the firmware in other processes, connected by sockets. Each of several clients must have its own
 // process, because a firmware may keep its state in static variables.
+// `flight`: without make_client.
 RunLog FlyClientsApart(const Scenario& scenario, const plant::VehicleModel& model,
-                       const DistributedOptions& options);
+                       const DistributedOptions& options, FlightOptions flight);
 
 }  // namespace tiltproof::harness

@@ -35,6 +35,7 @@ enum class Message : std::uint8_t {
   kReceive,
   kGrant,
   kCommand,
+  kAddCommands,
   kStatus,
   kSample,
   // Upcalls of the client.
@@ -52,7 +53,8 @@ struct Setup {
   std::string scenario_yaml;
   std::string client;     // as --client names it
   std::size_t place = 0;  // among the scenario's clients: of the process's client or line
-  TILTPROOF_FIELDS(scenario_yaml, client, place)
+  bool steered = false;   // more faults may come on its line
+  TILTPROOF_FIELDS(scenario_yaml, client, place, steered)
 };
 
 // State that the line's process answers besides the result, so that the harness need not ask, and a batch of its records.

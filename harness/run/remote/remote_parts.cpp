@@ -29,9 +29,11 @@ class RemoteClient final : public Client {
   BootTime Grant(BootTime now, BootTime horizon) override {
     return AskTime(RemotePart::Request(Message::kGrant, now, horizon));
   }
-  // Its process has the scenario, and so the commands.
-  void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin origin) override {
-    Ask(RemotePart::Request(Message::kCommand, origin));
+  void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
+    Ask(RemotePart::Request(Message::kCommand, commands, origin));
+  }
+  BootTime Add(const std::vector<faults::DeviceCommand>& commands) override {
+    return AskTime(RemotePart::Request(Message::kAddCommands, commands));
   }
   std::optional<ClientStatus> Status() override {
     const auto answer = Ask(RemotePart::Request(Message::kStatus));

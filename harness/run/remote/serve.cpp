@@ -4,7 +4,6 @@
 #include <utility>
 
 #include "harness/client/firmware_guard.h"
-#include "harness/run/client_channel.h"
 #include "harness/run/client_parameters.h"
 #include "harness/run/flight.h"
 #include "harness/run/remote/protocol.h"
@@ -178,38 +177,46 @@ void ServePlant(Channel& channel, const ScenarioLoader& load) {
   });
 }
 
+namespace {
+
+// Functions of a client whose harness is at the other end.
+ClientHost HostOver(Channel& channel) {
+  return {.transmit = [&channel](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) -> BootTime {
+            Packer upcall;
+            upcall(Message::kClientTransmits, uart, now,
+                   std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
+            channel.Send(upcall.bytes());
+            const auto answer = channel.Receive(kHarnessSilentAfterNs);
+            Unpacker unpacker(answer);
+            unpacker.Next<Message>();
+            return unpacker.Next<BootTime>();
+          },
+          .log =
+              [&channel](BootTime now, std::string_view text) {
+                Packer upcall;
+                upcall(Message::kClientLogs, now, std::string(text));
+                channel.Send(upcall.bytes());
+              },
+          .event =
+              [&channel](const DeviceEvent& event) {
+                Packer upcall;
+                upcall(Message::kClientEvent, event);
+                channel.Send(upcall.bytes());
+              }};
+}
+
+}  // namespace
+
 void ServeClient(Channel& channel, const ScenarioLoader& load) {
   FirmwareGuard::Install();
   std::unique_ptr<Client> client;
-  std::vector<faults::DeviceCommand> commands;
-  const ClientHost host = {
-      .transmit = [&](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) -> BootTime {
-        Packer upcall;
-        upcall(Message::kClientTransmits, uart, now, std::vector<std::uint8_t>(bytes.begin(), bytes.end()));
-        channel.Send(upcall.bytes());
-        const auto answer = channel.Receive(kHarnessSilentAfterNs);
-        Unpacker unpacker(answer);
-        unpacker.Next<Message>();
-        return unpacker.Next<BootTime>();
-      },
-      .log =
-          [&](BootTime now, std::string_view text) {
-            Packer upcall;
-            upcall(Message::kClientLogs, now, std::string(text));
-            channel.Send(upcall.bytes());
-          },
-      .event =
-          [&](const DeviceEvent& event) {
-            Packer upcall;
-            upcall(Message::kClientEvent, event);
-            channel.Send(upcall.bytes());
-          }};
+  const ClientHost host = HostOver(channel);
   ServeRequests(channel, [&](Message kind, Unpacker& request, Packer& answer) {
     if (kind == Message::kSetup) {
       const auto setup = request.Next<Setup>();
       const LoadedScenario loaded = load(setup.scenario_yaml);
-      commands = ClientCommands(loaded.scenario, setup.place);
       ClientSettings settings = SettingsOf(loaded.scenario, setup.place);
+      settings.lines.faulty = settings.lines.faulty || setup.steered;
       settings.parameters = [&] { return ClientParameters(loaded.scenario, *loaded.model, setup.place); };
       client = MakeClient(ParseClient(setup.client), settings, host);
       answer(client->RunsOn());
@@ -232,8 +239,13 @@ void ServeClient(Channel& channel, const ScenarioLoader& load) {
         answer(client->Grant(now, request.Next<BootTime>()));
         return;
       }
-      case Message::kCommand:
+      case Message::kCommand: {
+        const auto commands = request.Next<std::vector<faults::DeviceCommand>>();
         client->Command(commands, request.Next<Origin>());
+        return;
+      }
+      case Message::kAddCommands:
+        answer(client->Add(request.Next<std::vector<faults::DeviceCommand>>()));
         return;
       case Message::kStatus:
         answer(client->Status());

@@ -36,7 +36,11 @@ faults::DeviceCommand Delay(TimeNs at_ns, TimeNs until_ns, TimeNs delay_ns, Time
           .action = faults::DelayTask{.delay_ns = delay_ns, .every_ns = every_ns}};
 }
 Computation Compute(const std::vector<faults::DeviceCommand>& commands, BootTime begin, TimeNs length_ns) {
-  return ComputeOn(SlowSpans(commands, kOrigin), TaskDelays(commands, kOrigin), begin, length_ns);
+  SlowSpans slow;
+  slow.Add(commands, kOrigin);
+  TaskDelays delays;
+  delays.Add(commands, kOrigin);
+  return ComputeOn(slow, delays, begin, length_ns);
 }
 
 TEST(ComputingTimeTest, SoundProcessor) {
@@ -96,8 +100,10 @@ TEST(ComputingTimeTest, AsWhenEachMicrosecondIsCounted) {
     }
     commands.push_back(
         Delay(draw(0, 10) * kNsPerMs, draw(15, 40) * kNsPerMs, draw(1, 3) * kNsPerMs, 5 * kNsPerMs, 2));
-    const SlowSpans slow(commands, kOrigin);
-    const TaskDelays delays(commands, kOrigin);
+    SlowSpans slow;
+    slow.Add(commands, kOrigin);
+    TaskDelays delays;
+    delays.Add(commands, kOrigin);
     const BootTime begin(draw(0, 30) * kNsPerMs);
     const TimeNs length_ns = draw(1, 20) * kNsPerMs;
 

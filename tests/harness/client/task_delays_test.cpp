@@ -21,7 +21,8 @@ faults::DeviceCommand Work(TimeNs begin, TimeNs end, TimeNs delay, TimeNs every,
 
 TEST(TaskDelays, HoldsTheTaskWhileTheWorkLasts) {
   constexpr Origin kOrigin(BootTime{7});
-  const TaskDelays delays({Work(100, 1000, 30, 200)}, kOrigin);
+  TaskDelays delays;
+  delays.Add({Work(100, 1000, 30, 200)}, kOrigin);
   const auto until = [&](TimeNs time) -> TimeNs {
     const auto hold = delays.At(kOrigin.ToBootTime(time));
     return hold ? (hold->until - kOrigin.ToBootTime(0)) : -1;
@@ -36,7 +37,8 @@ TEST(TaskDelays, HoldsTheTaskWhileTheWorkLasts) {
 }
 
 TEST(TaskDelays, EndsWithTheWindow) {
-  const TaskDelays delays({Work(0, 50, 100, 100, 3)}, kOriginAtPowerOn);
+  TaskDelays delays;
+  delays.Add({Work(0, 50, 100, 100, 3)}, kOriginAtPowerOn);
   EXPECT_EQ(delays.At(BootTime(10))->until, BootTime(50));
   EXPECT_EQ(delays.At(BootTime(10))->fault, 3U);
   EXPECT_FALSE(delays.At(BootTime(50)));
@@ -50,7 +52,8 @@ RC_GTEST_PROP(TaskDelays, TheTaskRunsWhenNoWorkIsUnderWay, ()) {
     commands.push_back(Work(begin, begin + *rc::gen::inRange(1, 200), *rc::gen::inRange(0, 40),
                             *rc::gen::inRange(1, 40), static_cast<std::size_t>(i)));
   }
-  const TaskDelays delays(commands, kOriginAtPowerOn);
+  TaskDelays delays;
+  delays.Add(commands, kOriginAtPowerOn);
   // Marked one by one: each begin of the work, and what follows it.
   std::array<bool, 300> held{};
   for (const faults::DeviceCommand& command : commands) {

@@ -78,6 +78,9 @@ void ForEachStruct(const Visit& visit) {
   view.next_arrival_ns = {BootTime(1), BootTime::Never(), BootTime::Earliest()};
   view.counts[2] = {4, 5, 6, 7};
   visit(Setup{"name: x\n", "library:/lib/firmware.so"});
+  visit(std::vector<faults::DeviceCommand>{{1, 2, 3, faults::ResetProcessor{}},
+                                           {4, 5, 6, faults::FlipBits{"ram", 7, 8}},
+                                           {9, kNever, 10, faults::DriftClock{1.5}}});
   visit(DeviceEvent{BootTime(12), 3, "bit_flipped", "0x20000000: 0x00 -> 0x01", 2});
   visit(view);
   visit(ClientStatus{1, 2});

@@ -63,6 +63,7 @@ class InterpretedClient : public Client {
   void Command(const std::vector<faults::DeviceCommand>& commands, Origin origin) override {
     client_->Command(commands, origin);
   }
+  BootTime Add(const std::vector<faults::DeviceCommand>& commands) override { return client_->Add(commands); }
   std::optional<ClientStatus> Status() override { return client_->Status(); }
   ClientSample Sample() override { return client_->Sample(); }
 
