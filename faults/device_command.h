@@ -37,6 +37,7 @@ struct DelayTask {          // each time from the begin on, until the end
 };
 struct SlowProcessor {  // computes so many times longer, until the end
   double factor = 1;
+  TILTPROOF_FIELDS(factor)
 };
 struct FlipBits {
   std::string region;  // "ram", "data", "bss", "stack", or an object of the image
