@@ -338,6 +338,7 @@ struct Talker : Client {
     return next = now + 3 * kNsPerMs;
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
+  BootTime Add(const std::vector<faults::DeviceCommand>& /*commands*/) override { return BootTime::Never(); }
   std::optional<ClientStatus> Status() override { return std::nullopt; }
   ClientSample Sample() override { return {}; }
 

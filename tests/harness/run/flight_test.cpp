@@ -58,6 +58,7 @@ struct TestClient : Client {
     return wake_always ? now : next_request;
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
+  BootTime Add(const std::vector<faults::DeviceCommand>& /*commands*/) override { return BootTime::Never(); }
   std::optional<ClientStatus> Status() override { return ClientStatus{0, 3}; }
   ClientSample Sample() override { return {}; }
 
@@ -138,6 +139,7 @@ struct AheadClient : Client {
     return std::exchange(next_request, next_request + kControlPeriodNs) + kRequestTime;
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
+  BootTime Add(const std::vector<faults::DeviceCommand>& /*commands*/) override { return BootTime::Never(); }
   std::optional<ClientStatus> Status() override { return std::nullopt; }
   ClientSample Sample() override { return {}; }
 

@@ -52,6 +52,7 @@ struct AskingClient : Client {
     return next_request = now + kControlPeriodNs;
   }
   void Command(const std::vector<faults::DeviceCommand>& /*commands*/, Origin /*origin*/) override {}
+  BootTime Add(const std::vector<faults::DeviceCommand>& /*commands*/) override { return BootTime::Never(); }
   std::optional<ClientStatus> Status() override { return std::nullopt; }
   ClientSample Sample() override { return {}; }
 
