@@ -228,8 +228,8 @@ std::string ClientParameters(const Scenario& scenario, const plant::VehicleModel
       Quoted(model.name), Quoted(scenario.model), model.MassTotal(),
       ToSeconds(scenario.link.protocol->control_period_ns), Name(scenario.angular_rates),
       SignalsText(scenario, model), InputsText(model), gain, StatesText(model), GeometryText(model),
-      Quoted(scenario.client_id(client)), client, scenario.client_count(),
-      FirmwareParametersText(scenario), ProtocolText(*scenario.link.protocol));
+      Quoted(scenario.client_id(client)), client, scenario.client_count(), FirmwareParametersText(scenario),
+      ProtocolText(*scenario.link.protocol));
 }
 
 }  // namespace tiltproof::harness

@@ -251,8 +251,10 @@ void DescribeFirmwareParameter(KeyVisitor& v, FirmwareParameter& parameter) {
 }
 
 void DescribeFirmware(KeyVisitor& v, Scenario& s) {
-  v.Text({"firmware", "Build of the firmware: paper, tolerant, paper_published, failover, triplex, or lqr for any vehicle"},
-         s.firmware, kWord);
+  v.Text(
+      {"firmware",
+       "Build of the firmware: paper, tolerant, paper_published, failover, triplex, or lqr for any vehicle"},
+      s.firmware, kWord);
   v.Text({"gain",
           "The gain of the build lqr, and of a library that takes parameters: design, or a CSV file of "
           "design-lqr, relative to the scenario's file"},
