@@ -511,7 +511,9 @@ void Conductor::Sample(BootTime now) {
 // A command counts by the role in which it comes, not by that of the row before: the first one would be lost.
 void Conductor::AskRole(ClientChannel& channel) {
   if (channel.is_lost()) return;
-  With(channel, [&](ClientChannel& own) { roles_.at(own.index()).sampled = own.Sample().role; });
+  ClientSample sample;
+  With(channel, [&](ClientChannel& own) { sample = own.Sample(); });
+  if (sample.role) roles_.at(channel.index()).sampled = sample.role;
   TellRoles();
 }
 
