@@ -34,7 +34,7 @@ constexpr TextRule kWord = {"[a-z0-9_]+", "lower-case letters, digits and '_'", 
 constexpr TextRule kMetric = {"[A-Za-z0-9_]+(\\.[A-Za-z0-9_]+)+", "a dotted name such as tracking.rmse_m",
                               100};
 constexpr TextRule kVariable = {
-    "[A-Za-z_][A-Za-z0-9_.:\\[\\]-]*",
+    "[A-Za-z_]([A-Za-z0-9_.:-]|\\[|\\])*",
     "a variable of the firmware's image, such as tick_count, controller.gains[3] or motor.c:state", 200};
 constexpr TextRule kAnyText = {};
 

@@ -220,6 +220,7 @@ void ExpectSame(const Scenario& a, const Scenario& b) {
   RC_ASSERT(a.gain_file == b.gain_file);
   RC_ASSERT(a.firmware_parameters == b.firmware_parameters);
   RC_ASSERT(a.clients == b.clients);
+  RC_ASSERT(a.lines == b.lines);
   RC_ASSERT(a.arbiter == b.arbiter);
   RC_ASSERT(a.expect == b.expect);
   RC_ASSERT(a.allow_restarts == b.allow_restarts);
@@ -312,6 +313,7 @@ allow_invalid_inertia: false
 firmware: "paper"
 firmware_parameters: []
 clients: []
+lines: []
 arbiter:
   type: single
 expect: pass
