@@ -126,6 +126,11 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
   if (auto* recorded = std::get_if<RecordedReference>(&s.reference.path))
     recorded->file = folder / "path.csv";
   for (std::size_t i = 0; i < s.clients.size(); ++i) s.clients[i].id = "c" + std::to_string(i);
+  if (s.clients.size() < 2) s.lines.clear();
+  for (std::size_t i = 0; i < s.lines.size(); ++i) {
+    s.lines[i].id = "l" + std::to_string(i);
+    s.lines[i].between = {s.clients.back().id, s.clients.front().id};
+  }
   for (std::size_t i = 0; i < s.firmware_parameters.size(); ++i)
     s.firmware_parameters[i].name = "n" + std::to_string(i);
   const auto any_client = [&]() -> std::string {
