@@ -39,7 +39,7 @@ BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sin
       bytes_(sink, scenario.client_count() + line),
       records_(sink, std::nullopt) {
   for (const faults::FaultSpec& fault : scenario.faults) fault_ids_.push_back(fault.id);
-  for (const std::size_t end : {0, 1}) {
+  for (std::size_t end = 0; end < 2; ++end) {
     const Direction direction = DirectionTo(end);
     const auto tap = [this, direction](ByteSide side) {
       return [this, direction, side](const link::Chunk& chunk) {

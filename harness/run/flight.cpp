@@ -352,7 +352,7 @@ bool Conductor::EndsBefore(BootTime now) {
     return true;
   }
   for (const BoardLine& line : board_lines_)
-    for (const std::size_t end : {0, 1})
+    for (std::size_t end = 0; end < 2; ++end)
       if (const auto& overfull = line.overfull(end); overfull && overfull->by_faults) {
         End(EndReason::kLineOverfull, overfull->text);
         return true;

@@ -56,7 +56,7 @@ class Host(ctypes.Structure):
                 ("context", ctypes.c_void_p),
                 ("transmit", ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p, ctypes.c_int, ctypes.c_int64,
                                               ctypes.POINTER(ctypes.c_uint8), ctypes.c_size_t)),
-                ("log", ctypes.c_void_p), ("parameters", ctypes.c_char_p)]
+                ("log", ctypes.c_void_p), ("parameters", ctypes.c_char_p), ("compute", ctypes.c_void_p)]
 
 
 def drive(library, words):
@@ -79,7 +79,7 @@ def drive(library, words):
             commands.append(numbers[1:])
         return now + 10_850 * count
 
-    host = Host(2, b"", b"paper", None, Host._fields_[4][1](transmit), None, None)
+    host = Host(client_library.tiltproof_client_abi_version(), b"", b"paper", None, Host._fields_[4][1](transmit), None, None, None)
     client = create(ctypes.byref(host))
     wake = start(client, 0)
     end = (len(words) + 50) * PERIOD_NS

@@ -27,6 +27,7 @@ TEST(Metrics, EveryNameGivenIsListedAndNoneTwice) {
   RunLog log = StillFlight(1000);
   log.clients[0].failsafe_entered_count = 0;
   log.clients[0].receive_overruns_count = 0;
+  log.clients[0].deadline_missed_count = 0;
   log.clients[0].stacks = {{"main", 100, 10, false}};
   log.clients[0].request_times_ns = {0, 12, 24};
   log.clients[0].reply_latency_ns = {1};
