@@ -22,8 +22,12 @@ class ProgramClient final : public CalledClient {
   }
 
   ~ProgramClient() override {
-    if (const auto trouble = End())
-      Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble->what());
+    try {
+      if (const auto trouble = End())
+        Print(stderr, "tiltproof: warning: after the flight, which counts as it was, {}\n", trouble->what());
+    } catch (...) {
+      // Nothing is left to judge.
+    }
   }
 
   std::optional<FirmwareTrouble> End() override {
