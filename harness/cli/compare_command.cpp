@@ -23,6 +23,8 @@
 
 namespace tiltproof::harness {
 
+using Json = nlohmann::ordered_json;
+
 void RefuseUnpaired(const CompareOptions& options) {
   throw UsageError(
       fmt::format("{} and {} have no scenario of the same name", options.a.string(), options.b.string()));
@@ -35,7 +37,6 @@ void PrintOnlyIn(const char* letter, const std::vector<std::string>& names) {
 namespace {
 
 namespace fs = std::filesystem;
-using Json = nlohmann::ordered_json;
 
 constexpr std::size_t kVehicleColumnsShown = 5;
 constexpr std::size_t kOtherColumnsShown = 3;

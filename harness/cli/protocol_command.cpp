@@ -20,9 +20,11 @@
 #include "plant/vehicle_model.h"
 
 namespace tiltproof::harness {
-namespace {
 
 using Json = nlohmann::ordered_json;
+
+namespace {
+
 using link::Direction;
 using link::MessageField;
 using link::MessageType;

@@ -22,9 +22,10 @@
 #include "link/check.h"
 
 namespace tiltproof::harness {
-namespace {
 
 using Json = nlohmann::ordered_json;
+
+namespace {
 
 constexpr std::size_t kRequestBytesMax = std::size_t{64} << 10;
 constexpr int kTurn_ms = 100;
