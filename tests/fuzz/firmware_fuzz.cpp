@@ -1,17 +1,19 @@
 // The whole firmware, as the harness flies it (firmware/tiltproof_client.h), in virtual time: every build in both
 // dialects hears whatever a line can bring. It lets time pass, all that it sends is whole frames with messages of
-// its dialect, and `tolerant`, which takes no value on trust, sends only finite values.
+// its dialect or for another board, and `tolerant`, which takes no value on trust, sends only finite values.
 //
 // Input: a script (frame_script.h). Its choice is the build and the dialect; the line of a step is the UART, a
 // reset, or a call with nothing received.
 #include "firmware/tiltproof_client.h"
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <string_view>
 
 #include "firmware/builds.h"
+#include "firmware/failover/cross_line.h"
 #include "firmware/messages.h"
 #include "link/frame.h"
 #include "tests/fuzz/frame_script.h"
@@ -45,12 +47,22 @@ struct World {
   bool values_matter = false;
   link::FrameDecoder decoder;
   TimeNs now = 0, sent_until = 0;
+  bool redundant = false;  // one of several boards, which talk to each other
+  std::array<link::FrameDecoder, 2> cross = {link::FrameDecoder(link::FrameCheck::kCrc32),
+                                             link::FrameDecoder(link::FrameCheck::kCrc32)};
 
   static std::int64_t Transmit(void* context, int uart, std::int64_t at, const std::uint8_t* bytes,
                                std::size_t count) {
     World& world = *static_cast<World*>(context);
-    Require(uart == TILTPROOF_UART_MAIN, "it sends on its main line");
     Require(at >= world.now, "it sends nothing in the past");
+    if (world.redundant && (uart == 2 || uart == 3)) {
+      std::span<const std::uint8_t> rest(bytes, count);
+      while (const auto event = world.cross[static_cast<std::size_t>(uart - 2)].Next(rest))
+        Require(event->status == link::FrameStatus::kOk && tiltproof::firmware::DecodeCross(event->payload),
+                "it sends whole messages to other boards");
+      return at + static_cast<TimeNs>(count) * kByteTime_ns;
+    }
+    Require(uart == TILTPROOF_UART_MAIN, "it sends on its main line, or to other boards");
     world.sent_until =
         (at > world.sent_until ? at : world.sent_until) + static_cast<TimeNs>(count) * kByteTime_ns;
     std::span<const std::uint8_t> rest(bytes, count);
@@ -91,6 +103,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const FrameScript script = tiltproof::testing::ReadScript({data, size});
   World world{.dialect = DialectOf(script), .decoder = link::FrameDecoder()};
   const auto& build = BuildOf(script);
+  world.redundant = build.redundancy != tiltproof::firmware::Redundancy::kNone;
   world.values_matter = std::string_view(build.name) == "tolerant";
   const TiltproofHost host = {
       TILTPROOF_CLIENT_ABI_VERSION,
