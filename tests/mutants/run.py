@@ -43,7 +43,7 @@ RELEASE = ROOT / "build/release"
 WORK = ROOT / "build/mutants"
 COPY = WORK / "source"
 SOURCES = ("CMakeLists.txt", "cmake", "link", "faults", "firmware", "plant", "harness", "tests/planted",
-           "tests/emulator/framings")  # the copy's: all that the host build and the images compile
+           "tests/emulator")  # the copy's: all that the host build and the images compile
 JOBS = str(os.cpu_count() or 2)
 GROUPS = ("firmware", "harness", "client")
 # Not for a law that is linear around a heading of 0: with the shipped firmware itself they are not applicable.
