@@ -2,7 +2,7 @@
 //
 //   Wire wire({.baud = 921600}, Direction::kToPlant, *RawProtocol(), filter);   // RawProtocol() outlives it
 //
-// Nobody encodes or reads frames of it, so Encode() gives the payload itself, and readers find nothing.
+// No part encodes or reads frames of it, so Encode() gives the payload itself, and readers find nothing.
 #pragma once
 
 #include <memory>
@@ -11,7 +11,7 @@
 
 namespace tiltproof::link {
 
-// The protocol "bytes", without messages: of a line between boards whose protocol nobody names.
+// The protocol "bytes", without messages: of a line between boards that has no protocol.
 const std::shared_ptr<const Protocol>& RawProtocol();
 
 }  // namespace tiltproof::link

@@ -554,7 +554,7 @@ class EmulatorClient final : public Client {
   std::optional<TimeNs> break_at_ns_;
   ClientHost host_;
   std::vector<RatedLine> rated_;       // by Uart
-  std::vector<std::string> troubles_;  // told of them
+  std::vector<std::string> troubles_;  // the last text on each of them
   EmulatorLimits limits_;
   UnmodelledBlocks unmodelled_;
   std::optional<ElfSymbols> symbols_;

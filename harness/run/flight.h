@@ -49,7 +49,7 @@ struct FlightOptions {
   // client's board. An end of the flight comes first.
   std::vector<TimeNs> moments = {};
   std::function<std::optional<Future>(std::size_t moment)> at_moment = {};
-  // Called at power-on and at each row; none: nobody steers the flight. Then `flown` is a copy of the scenario, which gets
+  // Called at power-on and at each row; none: the flight is not steered. Then `flown` is a copy of the scenario, which gets
   // what is changed.
   std::function<void(SteeredFlight& flight)> steer = {};
   Scenario* flown = nullptr;

@@ -167,7 +167,7 @@ struct Scenario {
   // `design`, too.
   std::string gain;
   std::filesystem::path gain_file;  // empty: the gain is designed
-  // For a library or program that takes parameters; the shipped builds take none.
+  // For a library or program that takes parameters. Of the shipped builds only `lqr` takes one, compute_us.
   std::vector<FirmwareParameter> firmware_parameters;
   Expectation expect;
   TimeNs start_within_ns = 10 * kNsPerS;  // from power-on: no firmware is hung before, unless it has started
