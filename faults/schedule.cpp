@@ -82,6 +82,7 @@ struct FaultSchedule::State {
     Trigger trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger"}));
   };
   void Add(const WireKind& kind, const Entry& entry) {
+    Check(protocol != nullptr, "a line with faults has a protocol");
     if (const std::string problem = MessageProblem(entry.spec, entry.type, *protocol); !problem.empty())
       throw std::invalid_argument(Concat({"fault '", entry.spec.id, "', message: ", problem}));
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {

@@ -37,10 +37,10 @@ class FaultSchedule {
  public:
   // The part of the flight in which these faults act.
   struct Place {
-    std::int64_t baud = 921'600;            // of the main line; 0 = ideal
-    std::int64_t reference_baud = 921'600;  // of the reference line
-    link::CharacterFormat character = {};   // of both
-    std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");
+    std::int64_t baud = 921'600;                          // of the main line; 0 = ideal
+    std::int64_t reference_baud = 921'600;                // of the reference line
+    link::CharacterFormat character = {};                 // of both
+    std::shared_ptr<const link::Protocol> protocol = {};  // of the lines; faults on these need it
     // The vehicle's signals, where the plant is; without them the faults on the vehicle are only counted
     // here.
     std::optional<VehicleSignals> signals = {};
@@ -56,8 +56,6 @@ class FaultSchedule {
 
   // Throws std::invalid_argument, naming fault and key, when Validate() finds anything.
   FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed, const Place& place);
-  FaultSchedule(const std::vector<FaultSpec>& specs, std::uint64_t seed)
-      : FaultSchedule(specs, seed, Place{}) {}
   ~FaultSchedule();
   FaultSchedule(FaultSchedule&&) noexcept;
   FaultSchedule& operator=(FaultSchedule&&) noexcept;

@@ -1,7 +1,6 @@
 // A framing turns payloads into bytes of a line, and finds them in such bytes again. All that depends on the kind of
 // framing is behind this interface, so that a protocol (link/protocol.h) can have any of them.
 //
-//   const Framing& framing = *FindProtocol("paper")->framing;
 //   const std::vector<std::uint8_t> frame = framing.Encode(payload);
 //
 //   const std::unique_ptr<FrameReader> reader = framing.MakeReader();

@@ -4,7 +4,6 @@
 // A message is a row of numbers (link/number.h). It may begin with its id; a message without an id is known by its
 // direction. A payload does not contain its protocol or its direction: the receiver knows both.
 //
-//   const Protocol& protocol = *FindProtocol("paper");
 //   Message message;
 //   if (protocol.Decode(Direction::kToPlant, payload, message) == MessageStatus::kOk)
 //     if (!message.type->reply.empty()) Answer(*protocol.Find(message.type->reply));
@@ -16,8 +15,8 @@
 // Values here are those of the line: the signals of a vehicle in the axes and the unit that the protocol has them in.
 // harness/run/message_binding.h converts them.
 //
-// A user's protocol is a file (harness/scenario/protocol_file.h). The firmware does not use this: it has its own structs and encoders (firmware/messages.h). A test keeps the
-// two consistent.
+// Protocols come from files (harness/scenario/protocol_file.h), because this folder reads no YAML. The firmware does not
+// use this: it has its own structs and encoders (firmware/messages.h). A test keeps the two consistent.
 #pragma once
 
 #include <array>
@@ -158,13 +157,6 @@ void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std
 // True if all messages of both have the same bytes and meaning, whatever the names of protocols and messages and the
 // ranges of their values are.
 bool SameOnTheLine(const Protocol& a, const Protocol& b);
-
-// The shipped protocols, link/protocols/*.yaml: "paper" is the paper's (section 2.1, Figure 3), "provant" that of the
-// authors' published server, "hardened" the paper's with sequence, time stamp and CRC-32. YAML is read above this folder,
-// in harness/scenario/shipped_protocols.cpp: who calls these functions links harness_protocol.
-std::span<const std::shared_ptr<const Protocol>> Protocols();
-// Null when there is no protocol of that name.
-std::shared_ptr<const Protocol> FindProtocol(std::string_view name);
 
 // The protocol as a vehicle with these signals speaks it. With `any_vehicle`, replies carry the vehicle's sensed states
 // and actuator messages its inputs, in the order of its tables and as f32, behind sequence and time. The same object is

@@ -5,7 +5,7 @@
 // link/time.h. Bytes travel as chunks with times. What is sent is cut into frames. Each complete
 // frame goes through the filter as one chunk, and byte i of the chunk arrives at begin + (i + 1) byte times.
 //
-//   Wire wire({.baud = 921600}, Direction::kToPlant, *FindProtocol("paper"), filter);
+//   Wire wire({.baud = 921600}, Direction::kToPlant, protocol, filter);
 //   BootTime sent = wire.Transmit(now, frame);        // when the last stop bit leaves the sender
 //   BootTime next = wire.NextArrival();               // of the next byte worth waking for
 //   wire.Take(next, [](BootTime arrival, std::span<const std::uint8_t> bytes) { ... });

@@ -2,9 +2,9 @@
 // and lengths of its framing, order, checks that are wrong, and absurd values under checks that are computed again.
 //
 //   faults::Random random(1);
-//   const HostileFrames hostile(*link::FindProtocol("paper"), link::Direction::kToClient);
+//   const HostileFrames hostile(*FindProtocol("paper"), link::Direction::kToClient);
 //   LineBytes said = hostile.Make(random);  // one valid frame, or several, broken or not
-//   BreakBytes(*link::FindProtocol("paper")->framing, said, random);  // and broken once more
+//   BreakBytes(*FindProtocol("paper")->framing, said, random);  // and broken once more
 #pragma once
 
 #include <algorithm>

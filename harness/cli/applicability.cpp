@@ -22,6 +22,7 @@
 #include "harness/run/supervisor_states.h"
 #include "harness/scenario/fault_support.h"
 #include "harness/scenario/protocol_file.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -146,7 +147,7 @@ void FindLargeHeading(const Scenario& scenario, std::size_t client, std::vector<
 void FindOtherVehicle(const Scenario& scenario, std::size_t client, std::vector<Problem>& problems) {
   const std::string& build = scenario.firmware_of(client);
   const link::Protocol& protocol = *scenario.link.protocol;
-  const auto known = link::FindProtocol(DialectOf(protocol));
+  const auto known = FindProtocol(DialectOf(protocol));
   if (build == kLqrBuild || (known && SameOnTheLine(protocol, *known))) return;
   const std::string why = known == nullptr
                               ? fmt::format("the build '{}' does not speak the protocol '{}'; it speaks {}",

@@ -38,6 +38,7 @@
 #include "harness/process/realtime_rights.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/scenario.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "harness/terminal/terminal.h"
 #include "link/protocol.h"
 #include "link/pty.h"
@@ -299,7 +300,7 @@ Check CheckVirtualClock() {
     host.transmit = [](Uart /*uart*/, BootTime now, std::span<const std::uint8_t> /*bytes*/) { return now; };
     host.log = [](BootTime /*now*/, std::string_view /*text*/) {};
     ClientSettings settings;
-    settings.protocol = link::FindProtocol("paper");
+    settings.protocol = FindProtocol("paper");
     if (const auto mistake = ClockMistake("sleep")) throw std::runtime_error(*mistake);
     const auto client = MakeClient(LockstepProgram{"sleep 1", true}, settings, host);
     if (client->Start(BootTime()) == BootTime(kNsPerS)) return check;

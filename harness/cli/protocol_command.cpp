@@ -16,6 +16,7 @@
 #include "harness/scenario/protocol_file.h"
 #include "harness/scenario/scenario.h"
 #include "harness/scenario/schema.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "harness/terminal/terminal.h"
 #include "plant/vehicle_model.h"
 
@@ -50,7 +51,7 @@ link::CharacterFormat ReadCharacter(std::string_view text) {
 
 // Empty: the protocol is a shipped one.
 std::filesystem::path FileOf(const CheckOptions& options) {
-  return link::FindProtocol(options.protocol) != nullptr ? "" : options.protocol;
+  return FindProtocol(options.protocol) != nullptr ? "" : options.protocol;
 }
 
 // "file:line:col" of the field, of the messages when it is none of the file's; the name of a shipped protocol.

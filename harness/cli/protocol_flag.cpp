@@ -4,22 +4,20 @@
 
 #include <filesystem>
 #include <string_view>
-#include <vector>
 
 #include "harness/cli/commands.h"
 #include "harness/scenario/diagnostic.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/protocol_file.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 
 std::shared_ptr<const link::Protocol> ReadProtocolFlag(const std::string& text, std::string_view flag) {
-  if (auto protocol = link::FindProtocol(text)) return protocol;
-  if (!std::filesystem::is_regular_file(text)) {
-    std::vector<std::string_view> names;
-    for (const auto& protocol : link::Protocols()) names.push_back(protocol->name);
-    throw UsageError(fmt::format("{}{}: no such protocol or file{}", flag, text, DidYouMean(text, names)));
-  }
+  if (auto protocol = FindProtocol(text)) return protocol;
+  if (!std::filesystem::is_regular_file(text))
+    throw UsageError(fmt::format("{}{}: no such protocol or file{}", flag, text,
+                                 DidYouMean(text, ShippedProtocolNames())));
   try {
     return ReadProtocolFile(text);
   } catch (const ScenarioError& error) {

@@ -21,6 +21,7 @@
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/model_path.h"
 #include "harness/scenario/selection.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "harness/score/score.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
@@ -110,7 +111,7 @@ ReadOptions MakeReadOptions(ModelCache& models) {
       problem.message = field.first->name;
       problem.signal = field.second->signal;
     }
-    if (link::FindProtocol(scenario.link.protocol->name) != nullptr)
+    if (FindProtocol(scenario.link.protocol->name) != nullptr)
       problem.reason +=
           ". It is made for two rotors, each on a hinge of its own, that the vehicle's file names 'right' "
           "and 'left'; the protocol 'paper' carries the signals of any vehicle (docs/vehicle.md)";

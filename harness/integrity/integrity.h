@@ -1,6 +1,6 @@
 // Residual errors of a link format: how often a damaged frame is delivered although it equals no frame that was sent.
 //
-//   IntegritySpec spec{.protocol = link::FindProtocol("paper"), .errors = ErrorKind::kBurst};
+//   IntegritySpec spec{.protocol = FindProtocol("paper"), .errors = ErrorKind::kBurst};
 //   for (const IntegrityRow& row : MeasureIntegrity(spec)) Print(stdout, "{} {:.2e}\n", row.level, row.passed_check.rate);
 //
 // Each frame is damaged on its own, between two intact ones. A wrong frame is one that equals neither of the three: those

@@ -1,6 +1,6 @@
 // The C header of a protocol: messages as structs, their frames, and a reader of a stream, for a firmware of any kind.
 //
-//   const std::string text = CHeader(*link::FindProtocol("paper"));   // paper_reader, paper_send_actuators(), ...
+//   const std::string text = CHeader(*FindProtocol("paper"));   // paper_reader, paper_send_actuators(), ...
 //
 // The header accepts and produces the bytes that the protocol itself does (link/protocol.h, link/framing.h); a test
 // compares both on random messages and on damaged streams. A value of 8 or 16 bits, or an unscaled f32, is a float in

@@ -1,6 +1,6 @@
 // The bytes that a protocol puts on its lines: of each message, and in each control period.
 //
-//   const LineLoad load = LineLoadOf(*link::FindProtocol("paper"), link::Direction::kToClient);
+//   const LineLoad load = LineLoadOf(*FindProtocol("paper"), link::Direction::kToClient);
 //   const double share = LineTime_s(load.bytes, {.baud = 921600}) / 0.012;  // of the control period
 #pragma once
 

@@ -8,6 +8,7 @@
 
 #include "harness/scenario/fault_keys.h"
 #include "harness/scenario/protocol_file.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -99,7 +100,7 @@ void DescribeProtocolOf(KeyVisitor& v, std::shared_ptr<const link::Protocol>& pr
         ProtocolSpec spec = is_shipped ? ProtocolSpec() : SpecOf(*protocol);
         DescribeProtocol(w, spec);
       });
-  if (auto found = link::FindProtocol(name)) protocol = std::move(found);
+  if (auto found = FindProtocol(name)) protocol = std::move(found);
 }
 
 // The same for a line between boards, where no protocol is a choice, too.
@@ -120,7 +121,7 @@ void DescribeProtocolOfLine(KeyVisitor& v, std::shared_ptr<const link::Protocol>
                   });
   if (name == kBytesAsTheyAre)
     protocol = nullptr;
-  else if (auto found = link::FindProtocol(name))
+  else if (auto found = FindProtocol(name))
     protocol = std::move(found);
 }
 

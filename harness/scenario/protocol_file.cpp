@@ -12,6 +12,7 @@
 #include "harness/scenario/diagnostic.h"
 #include "harness/scenario/did_you_mean.h"
 #include "harness/scenario/mapping_reader.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/hdlc_framing.h"
 #include "link/length_framing.h"
@@ -443,7 +444,7 @@ ProtocolFile ParseProtocolFile(const std::string& text, const std::filesystem::p
 }
 
 std::string DialectOf(const link::Protocol& protocol) {
-  for (const auto& shipped : link::Protocols())
+  for (const auto& shipped : ShippedProtocols())
     if (SameOnTheLine(protocol, *shipped)) return shipped->name;
   return protocol.name;
 }

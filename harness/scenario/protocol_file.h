@@ -93,8 +93,6 @@ std::optional<YamlMark> PlaceOfField(const YamlNode& protocol, std::string_view 
 ProtocolFile LoadProtocolFile(const std::filesystem::path& file);
 std::shared_ptr<const link::Protocol> ReadProtocolFile(const std::filesystem::path& file);
 
-// The names of the shipped protocols (link::Protocols()).
-std::span<const std::string_view> ShippedProtocolNames();
 // The name by which the shipped firmware knows the protocol: that of the shipped one that has the same bytes on the line,
 // or the protocol's own.
 std::string DialectOf(const link::Protocol& protocol);

@@ -15,6 +15,7 @@
 
 #include "faults/fault.h"
 #include "harness/reference/reference_spec.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/character.h"
 #include "link/protocol.h"
 #include "link/time.h"
@@ -42,8 +43,8 @@ struct LinkSpec {
   bool ideal = false;  // zero byte time
   std::int64_t baud = kDefaultBaud;
   std::int64_t reference_baud = kDefaultBaud;
-  link::CharacterFormat character;                                               // on both lines
-  std::shared_ptr<const link::Protocol> protocol = link::FindProtocol("paper");  // never null
+  link::CharacterFormat character;                                         // on both lines
+  std::shared_ptr<const link::Protocol> protocol = FindProtocol("paper");  // never null
   double adapter_latency_ms = 0.0;
   std::optional<AdapterSpec> adapter;  // in both directions of the main line
 

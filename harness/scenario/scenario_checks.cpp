@@ -22,6 +22,7 @@
 #include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/model_path.h"
 #include "harness/scenario/protocol_file.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -122,7 +123,7 @@ class Checker {
       }
       return MakeProtocol(spec, node, problems_);
     }
-    if (link::FindProtocol(node.text) != nullptr) return nullptr;
+    if (FindProtocol(node.text) != nullptr) return nullptr;
     try {
       file = RelativeToScenario(node.text);
       loaded = LoadProtocolFile(file);

@@ -1,6 +1,8 @@
-// link::Protocols(): the files in link/protocols, as parts of the program.
-#include <algorithm>
+#include "harness/scenario/shipped_protocols.h"
+
 #include <array>
+#include <string>
+#include <utility>
 
 #include "harness/scenario/protocol_file.h"
 #include "link/check.h"
@@ -10,8 +12,7 @@ TILTPROOF_EMBED(tiltproof_paper_protocol, TILTPROOF_PROTOCOLS_FOLDER "/paper.yam
 TILTPROOF_EMBED(tiltproof_provant_protocol, TILTPROOF_PROTOCOLS_FOLDER "/provant.yaml")
 TILTPROOF_EMBED(tiltproof_hardened_protocol, TILTPROOF_PROTOCOLS_FOLDER "/hardened.yaml")
 
-namespace tiltproof {
-namespace harness {
+namespace tiltproof::harness {
 namespace {
 
 constexpr std::array<std::string_view, 3> kNames = {"paper", "provant", "hardened"};
@@ -26,23 +27,17 @@ std::shared_ptr<const link::Protocol> Shipped(std::string_view text, bool any_ve
 
 std::span<const std::string_view> ShippedProtocolNames() { return kNames; }
 
-}  // namespace harness
-
-namespace link {
-
-std::span<const std::shared_ptr<const Protocol>> Protocols() {
-  static const std::array kProtocols = {
-      harness::Shipped(TILTPROOF_EMBEDDED(tiltproof_paper_protocol), true),
-      harness::Shipped(TILTPROOF_EMBEDDED(tiltproof_provant_protocol), false),
-      harness::Shipped(TILTPROOF_EMBEDDED(tiltproof_hardened_protocol), true)};
+std::span<const std::shared_ptr<const link::Protocol>> ShippedProtocols() {
+  static const std::array kProtocols = {Shipped(TILTPROOF_EMBEDDED(tiltproof_paper_protocol), true),
+                                        Shipped(TILTPROOF_EMBEDDED(tiltproof_provant_protocol), false),
+                                        Shipped(TILTPROOF_EMBEDDED(tiltproof_hardened_protocol), true)};
   return kProtocols;
 }
 
-std::shared_ptr<const Protocol> FindProtocol(std::string_view name) {
-  for (const auto& protocol : Protocols())
+std::shared_ptr<const link::Protocol> FindProtocol(std::string_view name) {
+  for (const auto& protocol : ShippedProtocols())
     if (protocol->name == name) return protocol;
   return nullptr;
 }
 
-}  // namespace link
-}  // namespace tiltproof
+}  // namespace tiltproof::harness

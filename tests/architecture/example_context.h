@@ -59,6 +59,7 @@ extern const examples::Function Print;
 extern std::span<const std::uint8_t> received;
 
 // link/framing.h
+extern const Framing& framing;
 extern std::span<const std::uint8_t> received;
 
 // link/frame_cutter.h
@@ -75,6 +76,7 @@ struct Hang {};
 extern const struct Command { std::variant<Reset, Hang> action; } command;
 
 // link/protocol.h
+extern const Protocol& protocol;
 extern const examples::Function Answer;
 extern std::vector<double> row;
 
@@ -107,6 +109,7 @@ extern const struct Fault { TimeNs start_ns; } fault;
 extern ChunkFilter* filter;
 
 // link/wire.h
+extern const Protocol& protocol;
 extern ChunkFilter* filter;
 
 // plant/

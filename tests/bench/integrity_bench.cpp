@@ -7,6 +7,7 @@
 
 #include "harness/integrity/damager.h"
 #include "harness/integrity/integrity.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/hdlc_framing.h"
 #include "link/length_framing.h"
@@ -29,7 +30,7 @@ std::shared_ptr<const link::Framing> FramingOf(std::int64_t number) {
 }
 
 void Judge(benchmark::State& state, void (*damage)(Damager&, Random&)) {
-  link::Protocol protocol = *link::FindProtocol("paper");
+  link::Protocol protocol = *FindProtocol("paper");
   protocol.framing = FramingOf(state.range(0));
   const link::CheckKind kind = *protocol.framing->check();
   const link::MessageType& type = *DefaultMessage(protocol);

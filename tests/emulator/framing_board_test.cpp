@@ -11,6 +11,7 @@
 
 #include "harness/client/make_client.h"
 #include "harness/run/flight.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/length_framing.h"
 #include "tests/harness/run/by_hand.h"
@@ -81,7 +82,7 @@ TEST(FramingBoard, FliesWithALengthInFront) {
 
 // The shipped firmware. The server refuses repeated and old commands.
 TEST(FramingBoard, TheShippedFirmwareFliesHardened) {
-  const auto protocol = link::FindProtocol("hardened");
+  const auto protocol = FindProtocol("hardened");
   for (const std::string build : {"paper", "tolerant"}) {
     const EmulatedImage image{.file = std::string(IMAGES) + "/executive-" + build + "-hardened.elf"};
     for (const auto& [type, parameters] :

@@ -186,7 +186,7 @@ TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
   FaultSpec third = Spec("sensor.bias", {{"signal", "y_m"}, {"offset", 1.0}}, "third");
   third.when = "z_m > 1";
   const std::vector<FaultSpec> specs = {first, second, third};
-  FaultSchedule line(specs, 1), plant = AtThePlant(specs);
+  FaultSchedule line = AtTheLine(specs, 1), plant = AtThePlant(specs);
   constexpr Origin kOrigin(BootTime(7));
   line.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < 6; ++n) {
@@ -211,7 +211,7 @@ TEST(ActivityTest, SchedulesTellWhatOthersWaitFor) {
   EXPECT_EQ(sensors.y_m, 1.0F);
   EditSensors(plant, 20, sensors);
   EXPECT_EQ(sensors.y_m, 1.0F);
-  EXPECT_THROW(FaultSchedule({second}, 1), std::invalid_argument);
+  EXPECT_THROW(AtTheLine({second}, 1), std::invalid_argument);
 }
 
 TEST(ActivityTest, PeriodsDoNotDrift) {
@@ -243,7 +243,7 @@ TEST(ActivityTest, APeriodicFaultIsTheUnionOfItsStretches) {
         single.back().start_ns = begin;
         single.back().end_ns = std::min(begin + period_ns * 2 / 5, periodic.end_ns);
       }
-      FaultSchedule one({periodic}, 1), many(single, 1);
+      FaultSchedule one = AtTheLine({periodic}, 1), many = AtTheLine(single, 1);
       const auto expected = Send(many, 70), out = Send(one, 70);
       int changed = 0;
       for (std::size_t n = 0; n < out.size(); ++n) {

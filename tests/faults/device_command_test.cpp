@@ -64,7 +64,7 @@ TEST(DeviceCommandTest, EachTypeSaysWhenItIsTakenBack) {
     const FaultSpec reset = At(Spec(type, {{"boot_ms", 1.5}}), 3 * kNsPerS);
     EXPECT_EQ(Only(reset).at_ns, 3 * kNsPerS);
     EXPECT_EQ(Only(reset).until_ns, 3 * kNsPerS + 1'500'000);
-    const FaultSchedule schedule({reset}, 1);
+    const FaultSchedule schedule = AtTheLine({reset}, 1);
     EXPECT_FALSE(schedule.IsActive(0, 3 * kNsPerS - 1));
     EXPECT_TRUE(schedule.IsActive(0, 3 * kNsPerS + 1'499'999));
     EXPECT_FALSE(schedule.IsActive(0, 3 * kNsPerS + 1'500'000));
@@ -219,7 +219,7 @@ TEST_P(DeviceConformanceTest, IsOneCommandWithinItsWindow) {
   ASSERT_THAT(commands, SizeIs(1));
   EXPECT_EQ(commands[0].fault, 1U);
   EXPECT_EQ(commands[0].at_ns, std::max<TimeNs>(spec.start_ns, 0));
-  const FaultSchedule schedule({other, spec}, 1);
+  const FaultSchedule schedule = AtTheLine({other, spec}, 1);
   for (TimeNs t = 0; t < 12 * kNsPerS; t += 100 * kNsPerMs)
     ASSERT_EQ(schedule.IsActive(1, t), commands[0].at_ns <= t && t < commands[0].until_ns) << t;
 }
@@ -229,7 +229,7 @@ TEST_P(DeviceConformanceTest, HasNoTriggerAndNothingBeforeTheStart) {
     FaultSpec spec = ExampleSpec(type());
     change(spec);
     EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, key))) << key;
-    EXPECT_THROW(FaultSchedule({spec}, 1), std::invalid_argument);
+    EXPECT_THROW(AtTheLine({spec}, 1), std::invalid_argument);
     EXPECT_THROW(DeviceCommands({spec}, 1), std::invalid_argument);
   };
   refused("every_nth_count", [](FaultSpec& spec) { spec.every_nth_count = 2; });

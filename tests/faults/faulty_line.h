@@ -13,6 +13,7 @@
 #include "faults/registry.h"
 #include "faults/schedule.h"
 #include "firmware/signals.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/chunk.h"
 #include "link/length_framing.h"
 #include "tests/support/origins.h"
@@ -29,7 +30,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 // The place of a message in the table of `paper`.
 inline std::uint8_t PlaceInPaper(const std::string& message) {
-  static const auto paper = link::FindProtocol("paper");
+  static const auto paper = harness::FindProtocol("paper");
   return static_cast<std::uint8_t>(paper->Find(message) - paper->messages.data());
 }
 
@@ -75,7 +76,7 @@ inline VehicleSignals TiltrotorSignals() {
 
 // The paper's protocol; but for a fault on a part that its frames do not have, with a length in front of each frame.
 inline std::shared_ptr<const link::Protocol> ProtocolFor(const std::vector<FaultSpec>& specs) {
-  const std::shared_ptr<const link::Protocol> paper = link::FindProtocol("paper");
+  const std::shared_ptr<const link::Protocol> paper = harness::FindProtocol("paper");
   for (const FaultSpec& spec : specs) {
     const auto* wire = ValidType(spec).As<WireKind>();
     if (wire != nullptr && wire->needs_role && !paper->framing->Has(*wire->needs_role))
@@ -84,8 +85,14 @@ inline std::shared_ptr<const link::Protocol> ProtocolFor(const std::vector<Fault
   return paper;
 }
 
+inline FaultSchedule AtTheLine(const std::vector<FaultSpec>& specs, std::uint64_t seed,
+                               FaultSchedule::Place place = {}) {
+  place.protocol = ProtocolFor(specs);
+  return {specs, seed, place};
+}
+
 inline FaultSchedule AtThePlant(const std::vector<FaultSpec>& specs, std::uint64_t seed = 1) {
-  return {specs, seed, {.protocol = ProtocolFor(specs), .signals = TiltrotorSignals()}};
+  return AtTheLine(specs, seed, {.signals = TiltrotorSignals()});
 }
 
 inline void EditSensors(FaultSchedule& schedule, TimeNs t, Sensors& sensors, BootTime boot_time = {}) {
@@ -143,7 +150,7 @@ inline std::vector<std::vector<link::Chunk>> Send(FaultSchedule& schedule, std::
 // The same with one fault.
 inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::int64_t count,
                                                   std::size_t size = 68, std::uint64_t seed = 1) {
-  FaultSchedule schedule({spec}, seed, {.protocol = ProtocolFor({spec})});
+  FaultSchedule schedule = AtTheLine({spec}, seed);
   return Send(schedule, count, size);
 }
 
@@ -151,7 +158,7 @@ inline std::vector<std::vector<link::Chunk>> Send(const FaultSpec& spec, std::in
 // 921600 baud carries them.
 inline std::vector<std::vector<link::Chunk>> SendWithoutPause(const FaultSpec& spec, const Bytes& bytes,
                                                               std::int64_t count) {
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::vector<link::Chunk>> out;
   for (std::int64_t n = 0; n < count; ++n) {

@@ -30,7 +30,7 @@ VehicleSignals MeasuredSignals() {
 
 std::vector<double> Edited(const FaultSpec& spec, std::vector<double> row) {
   const VehicleSignals signals = MeasuredSignals();
-  FaultSchedule schedule({spec}, 1, {.signals = signals});
+  FaultSchedule schedule = AtTheLine({spec}, 1, {.signals = signals});
   schedule.EditSensors(0, row);
   return row;
 }

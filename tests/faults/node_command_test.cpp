@@ -80,7 +80,7 @@ TEST(NodeCommandTest, ARestartIsOverWhenTheNodeIsStartedAgain) {
       At(Spec("node.restart", {{"node", "base_station"}, {"down_ms", 2000.0}}), 3 * kNsPerS);
   EXPECT_EQ(WindowOf(restart).begin_ns, 3 * kNsPerS);
   EXPECT_EQ(WindowOf(restart).end_ns, 5 * kNsPerS);
-  const FaultSchedule schedule({restart}, 1);
+  const FaultSchedule schedule = AtTheLine({restart}, 1);
   EXPECT_TRUE(schedule.IsActive(0, 5 * kNsPerS - 1));
   EXPECT_FALSE(schedule.IsActive(0, 5 * kNsPerS));
 }
@@ -145,13 +145,13 @@ TEST_P(NodeConformanceTest, IsOneCommandInForceWhileItIsActive) {
   EXPECT_EQ(commands[0].at_ns,
             type().IsOneOf<ClockKind>() ? std::max<TimeNs>(spec.start_ns, 0) : spec.start_ns);
   EXPECT_EQ(commands[0].node, std::get<std::string>(spec.parameters.at("node")));
-  const FaultSchedule schedule({other, spec}, 1);
+  const FaultSchedule schedule = AtTheLine({other, spec}, 1);
   for (TimeNs t = type().IsOneOf<ClockKind>() ? 0 : -kNsPerS; t < 12 * kNsPerS; t += 100 * kNsPerMs)
     ASSERT_EQ(schedule.IsActive(1, t), commands[0].at_ns <= t && t < commands[0].until_ns) << t;
 }
 
 TEST_P(NodeConformanceTest, IsCountedByWhoCarriesItOut) {
-  FaultSchedule schedule({ExampleSpec(type())}, 1);
+  FaultSchedule schedule = AtTheLine({ExampleSpec(type())}, 1);
   schedule.Count(0, 3 * kNsPerS, "done");
   schedule.Count(0, kNsPerS, "done before");
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(2));
@@ -167,7 +167,7 @@ TEST_P(NodeConformanceTest, HasNoTriggerAndNothingBeforeTheStart) {
     FaultSpec spec = ExampleSpec(type());
     change(spec);
     EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, key))) << key;
-    EXPECT_THROW(FaultSchedule({spec}, 1), std::invalid_argument);
+    EXPECT_THROW(AtTheLine({spec}, 1), std::invalid_argument);
     EXPECT_THROW(NodeCommands({spec}), std::invalid_argument);
   };
   refused("every_nth_count", [](FaultSpec& spec) { spec.every_nth_count = 2; });

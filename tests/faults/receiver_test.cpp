@@ -47,7 +47,7 @@ Marks Receive(FaultSchedule& schedule, std::int64_t frames, std::size_t piece = 
 }
 
 Marks Receive(const std::vector<FaultSpec>& specs, std::int64_t frames, std::uint64_t seed = 1) {
-  FaultSchedule schedule(specs, seed);
+  FaultSchedule schedule = AtTheLine(specs, seed);
   schedule.SetOrigin(kOriginAtPowerOn);
   return Receive(schedule, frames);
 }
@@ -75,7 +75,7 @@ TEST_P(ReceiverConformanceTest, MarksItsShareOfBytesEachForItself) {
 }
 
 TEST_P(ReceiverConformanceTest, ZeroMarksNothingAndOneMarksAll) {
-  FaultSchedule none({With(0.0)}, 1);
+  FaultSchedule none = AtTheLine({With(0.0)}, 1);
   none.SetOrigin(kOriginAtPowerOn);
   EXPECT_THAT(Receive(none, 50), Each(ReceiveMark::kNone));
   EXPECT_THAT(none.ActivationCounts(), ElementsAre(0));
@@ -97,7 +97,7 @@ TEST_P(ReceiverConformanceTest, HowBytesAreSpreadOverCallsMattersNot) {
   spec.every_nth_count = 3;
   spec.probability = 0.5;
   const auto receive = [&](std::size_t piece) {
-    FaultSchedule schedule({spec}, 3);
+    FaultSchedule schedule = AtTheLine({spec}, 3);
     schedule.SetOrigin(kOriginAtPowerOn);
     Marks marks = Receive(schedule, 300, piece);
     return std::pair(marks, schedule.ActivationCounts().at(0));
@@ -139,11 +139,11 @@ TEST_P(ReceiverConformanceTest, TheWindowIsByEachBytesArrival) {
 }
 
 TEST_P(ReceiverConformanceTest, WindowsAreInSimulationTimeAndOpenFromPowerOnOnlyWithoutAStart) {
-  FaultSchedule open({With(1.0)}, 1);
+  FaultSchedule open = AtTheLine({With(1.0)}, 1);
   EXPECT_THAT(Receive(open, 5), Each(mark()));
-  FaultSchedule closed({At(With(1.0), 0)}, 1);
+  FaultSchedule closed = AtTheLine({At(With(1.0), 0)}, 1);
   EXPECT_THAT(Receive(closed, 5), Each(ReceiveMark::kNone));
-  FaultSchedule from_zero({At(With(1.0), 0)}, 1);
+  FaultSchedule from_zero = AtTheLine({At(With(1.0), 0)}, 1);
   constexpr Origin kOrigin(BootTime{3 * kPeriod});
   from_zero.SetOrigin(kOrigin);
   const Marks marks = Receive(from_zero, 5);
@@ -158,7 +158,7 @@ TEST_P(ReceiverConformanceTest, LinesAreSeparate) {
   FaultSpec spec = With(0.5);
   const auto receive = [&](Target target, Direction direction) {
     spec.target = target;
-    FaultSchedule schedule({spec}, 1);
+    FaultSchedule schedule = AtTheLine({spec}, 1);
     schedule.SetOrigin(kOriginAtPowerOn);
     if (direction != Direction::kToClient) Receive(schedule, 3);  // bytes of the other line shift nothing
     return Receive(schedule, 50, 68, direction);
@@ -172,7 +172,7 @@ TEST_P(ReceiverConformanceTest, LinesAreSeparate) {
 }
 
 TEST_P(ReceiverConformanceTest, RecordsEveryMarkedByte) {
-  FaultSchedule schedule({With(0.05)}, 1);
+  FaultSchedule schedule = AtTheLine({With(0.05)}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   const Marks marks = Receive(schedule, 20);
   const auto count = static_cast<std::size_t>(std::count(marks.begin(), marks.end(), mark()));
@@ -210,7 +210,7 @@ TEST_P(ReceiverConformanceTest, TriggerCountsBytes) {
 }
 
 TEST_P(ReceiverConformanceTest, OnAnIdealLineBytesArriveTogether) {
-  FaultSchedule schedule({At(With(1.0), kPeriod)}, 1, {.baud = 0, .reference_baud = 0});
+  FaultSchedule schedule = AtTheLine({At(With(1.0), kPeriod)}, 1, {.baud = 0, .reference_baud = 0});
   schedule.SetOrigin(kOriginAtPowerOn);
   Marks marks;
   schedule.MarkReceived(Direction::kToClient, BootTime(kPeriod - 1), Frame68(0), marks);

@@ -255,10 +255,10 @@ TEST_P(RegistryConformanceTest, RefusesWrongTargets) {
                                                  : is_line && type().has_target() && has_way_back;
     if (allowed) {
       EXPECT_THAT(Validate(spec), IsEmpty()) << Name(target);
-      EXPECT_NO_THROW(FaultSchedule({spec}, 1));
+      EXPECT_NO_THROW(AtTheLine({spec}, 1));
     } else {
       EXPECT_THAT(Validate(spec), Contains(Field(&Problem::key, "target"))) << Name(target);
-      EXPECT_THROW(FaultSchedule({spec}, 1), std::invalid_argument);
+      EXPECT_THROW(AtTheLine({spec}, 1), std::invalid_argument);
     }
   }
 }
@@ -336,7 +336,7 @@ TEST_P(WireConformanceTest, WaitsForTheOriginUnlessOpenFromPowerOn) {
   const auto activations = [&](TimeNs start_ns) {
     FaultSpec spec = ExampleSpec(type());
     spec.start_ns = start_ns;
-    FaultSchedule schedule({spec}, 1, {.protocol = ProtocolFor({spec})});
+    FaultSchedule schedule = AtTheLine({spec}, 1);
     for (std::int64_t n = 0; n < kFrames; ++n) {
       std::vector<link::Chunk> chunks = {Frame(n)};
       schedule.Filter(link::Direction::kToClient)->Apply(chunks);
@@ -351,7 +351,7 @@ TEST_P(WireConformanceTest, WindowsAreInSimulationTimeAndRecordsToo) {
   FaultSpec spec = ExampleSpec(type());
   spec.start_ns = 300 * kPeriod;
   spec.end_ns = 600 * kPeriod;
-  FaultSchedule schedule({spec}, 1, {.protocol = ProtocolFor({spec})});
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   constexpr Origin kOrigin(BootTime{100 * kPeriod});
   schedule.SetOrigin(kOrigin);
   for (std::int64_t n = 0; n < kFrames; ++n) {
@@ -436,7 +436,7 @@ TEST_P(WireConformanceTest, DirectionsAreIndependent) {
   FaultSpec spec = ExampleSpec(type());
   spec.target = Target::kBoth;
   spec.probability = 0.6;
-  FaultSchedule both({spec}, 1, {.protocol = ProtocolFor({spec})});
+  FaultSchedule both = AtTheLine({spec}, 1);
   const auto to_client = Send(both, kFrames);
   const auto to_plant = Send(both, kFrames, 68, link::Direction::kToPlant);
   EXPECT_EQ(both.Filter(link::Direction::kReference), nullptr);
@@ -445,7 +445,7 @@ TEST_P(WireConformanceTest, DirectionsAreIndependent) {
   EXPECT_FALSE(equal);
 
   spec.target = Target::kToClient;
-  FaultSchedule one({spec}, 1, {.protocol = ProtocolFor({spec})});
+  FaultSchedule one = AtTheLine({spec}, 1);
   const auto alone = Send(one, kFrames);
   for (std::size_t n = 0; n < alone.size(); ++n) ASSERT_TRUE(Same(alone[n], to_client[n])) << n;
 }
@@ -463,15 +463,14 @@ TEST_P(WireConformanceTest, NothingTravelsBackInTime) {
 }
 
 TEST_P(WireConformanceTest, ActsOnAnIdealLineToo) {
-  FaultSchedule schedule({ExampleSpec(type())}, 1,
-                         {.baud = 0, .reference_baud = 0, .protocol = ProtocolFor({ExampleSpec(type())})});
+  FaultSchedule schedule = AtTheLine({ExampleSpec(type())}, 1, {.baud = 0, .reference_baud = 0});
   Send(schedule, kFrames);
   EXPECT_GT(schedule.ActivationCounts().at(0), 0);
 }
 
 TEST_P(WireConformanceTest, SurvivesTheShortestAndTheLongestChunks) {
   for (const std::size_t size : {1U, 2U, 1024U}) {
-    FaultSchedule schedule({ExampleSpec(type())}, 1, {.protocol = ProtocolFor({ExampleSpec(type())})});
+    FaultSchedule schedule = AtTheLine({ExampleSpec(type())}, 1);
     for (const auto& out : Send(schedule, 200, size)) {
       for (const auto& chunk : out) ASSERT_FALSE(chunk.bytes.empty());
     }

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "faults/recorder.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/wire.h"
 #include "tests/faults/faulty_line.h"
 #include "tests/faults/goodness_of_fit.h"
@@ -31,7 +32,7 @@ std::vector<std::int64_t> Dropped(const FaultSpec& spec, std::int64_t count) {
 FaultSpec Drop() { return Spec("frame.drop", {{"probability", 1.0}}); }
 
 TEST(ScheduleTest, NoFaultNoFilter) {
-  FaultSchedule schedule({Spec("sensor.freeze", {{"signal", "x_m"}})}, 1);
+  FaultSchedule schedule = AtTheLine({Spec("sensor.freeze", {{"signal", "x_m"}})}, 1);
   EXPECT_EQ(schedule.Filter(link::Direction::kToClient), nullptr);
   EXPECT_EQ(schedule.Filter(link::Direction::kToPlant), nullptr);
   EXPECT_EQ(schedule.Filter(link::Direction::kReference), nullptr);
@@ -46,7 +47,7 @@ TEST(ScheduleTest, AFaultThatIsAddedActsAsIfItHadBeenThere) {
   const auto fly = [&](bool late, std::vector<std::int64_t>& counts, bool& active) {
     std::vector<FaultSpec> specs = {first};
     if (!late) specs.push_back(added);
-    FaultSchedule schedule(specs, 7, {.grows = true});
+    FaultSchedule schedule = AtTheLine(specs, 7, {.grows = true});
     schedule.SetOrigin(kOriginAtPowerOn);
     std::vector<std::vector<link::Chunk>> out;
     for (std::int64_t n = 0; n < 100; ++n) {
@@ -71,7 +72,7 @@ TEST(ScheduleTest, AFaultThatIsAddedActsAsIfItHadBeenThere) {
   EXPECT_EQ(counts_late, counts_early);
   EXPECT_GT(counts_late.at(1), 20);
   EXPECT_TRUE(active_late && active_early);
-  FaultSchedule schedule({}, 7, {.grows = true});
+  FaultSchedule schedule = AtTheLine({}, 7, {.grows = true});
   EXPECT_THROW(schedule.Add(Spec("frame.dorp")), std::invalid_argument);
 }
 
@@ -80,7 +81,7 @@ TEST(ScheduleTest, TheWindowHasItsBeginButNotItsEnd) {
   spec.start_ns = 3 * kPeriod;
   spec.end_ns = 5 * kPeriod;
   EXPECT_THAT(Dropped(spec, 10), ElementsAre(3, 4));
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   EXPECT_FALSE(schedule.IsActive(0, 3 * kPeriod - 1));
   EXPECT_TRUE(schedule.IsActive(0, 3 * kPeriod));
   EXPECT_TRUE(schedule.IsActive(0, 5 * kPeriod - 1));
@@ -107,7 +108,7 @@ TEST(ScheduleTest, OtherMessagesAreNeitherSeenNorCounted) {
   spec.target = Target::kToPlant;
   spec.message = "actuators";
   spec.every_nth_count = 2;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::int64_t> dropped;
   for (std::int64_t n = 0; n < 12; ++n) {
@@ -125,7 +126,7 @@ TEST(ScheduleTest, FrameThenByteThenTimingFaultsThenFileOrder) {
                                         Spec("wire.bit_error", {{"ber", 1.0}}, "errors"),
                                         Spec("frame.truncate", {{"probability", 1.0}}, "cut"),
                                         Spec("frame.duplicate", {{"probability", 1.0}}, "twice")};
-  FaultSchedule schedule(specs, 1);
+  FaultSchedule schedule = AtTheLine(specs, 1);
   const auto out = Send(schedule, 1).at(0);
   ASSERT_THAT(out, SizeIs(2));
   // Cut before it was doubled.
@@ -141,14 +142,14 @@ TEST(ScheduleTest, FrameThenByteThenTimingFaultsThenFileOrder) {
 TEST(ScheduleTest, BothDirectionsAddUpInOneCount) {
   FaultSpec spec = Drop();
   spec.target = Target::kBoth;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   Send(schedule, 3, 68, link::Direction::kToClient);
   Send(schedule, 4, 68, link::Direction::kToPlant);
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(7));
 }
 
 TEST(ScheduleTest, KeepsTheFirstRecordsAndCountsAll) {
-  FaultSchedule schedule({Drop()}, 1);
+  FaultSchedule schedule = AtTheLine({Drop()}, 1);
   Send(schedule, kActivationsMax + 5);
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(kActivationsMax + 5));
   EXPECT_THAT(schedule.TakeActivations(kOriginAtPowerOn), SizeIs(kActivationsMax));
@@ -182,7 +183,7 @@ TEST(ScheduleTest, RecordsAreInOrderOfTime) {
 
 TEST(ScheduleTest, InvalidFaultsAreRefusedByName) {
   try {
-    FaultSchedule schedule({Spec("wire.bit_error", {{"ber", 2.0}}, "loud")}, 1);
+    FaultSchedule schedule = AtTheLine({Spec("wire.bit_error", {{"ber", 2.0}}, "loud")}, 1);
     FAIL();
   } catch (const std::invalid_argument& error) {
     EXPECT_THAT(error.what(), HasSubstr("fault 'loud', parameters.ber: "));
@@ -260,9 +261,9 @@ TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
     specs.push_back(spec);
   }
   const auto fly = [&specs] {
-    FaultSchedule schedule(specs, 3);
+    FaultSchedule schedule = AtTheLine(specs, 3);
     schedule.SetOrigin(kOriginAtPowerOn);
-    link::Wire wire({}, link::Direction::kToClient, *link::FindProtocol("paper"),
+    link::Wire wire({}, link::Direction::kToClient, *harness::FindProtocol("paper"),
                     schedule.Filter(link::Direction::kToClient));
     BootTime free = BootTime::Earliest();
     wire.SetTaps({.sent = {}, .delivered = [&free](const link::Chunk& chunk) {

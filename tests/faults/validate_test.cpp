@@ -7,6 +7,7 @@
 #include <string>
 
 #include "faults/registry.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/faults/faulty_line.h"
 #include "tests/faults/says.h"
 
@@ -56,7 +57,7 @@ TEST(ValidateTest, ChecksWindowAndTrigger) {
 }
 
 TEST(ValidateTest, AMessageMustTravelOnTheTarget) {
-  const link::Protocol& paper = *link::FindProtocol("paper");
+  const link::Protocol& paper = *harness::FindProtocol("paper");
   const auto problem = [&](const FaultSpec& spec) {
     return MessageProblem(spec, *FindFaultType(spec.type), paper);
   };
@@ -83,7 +84,7 @@ TEST(ValidateTest, AMessageMustTravelOnTheTarget) {
 
 // A role names a message only where no other has it.
 TEST(ValidateTest, AMessageIsFoundByItsNameOrItsRole) {
-  link::Protocol two = *link::FindProtocol("paper");
+  link::Protocol two = *harness::FindProtocol("paper");
   EXPECT_EQ(FindMessage(two, "sensors"), two.Find("request"));
   link::MessageType baro = {
       .name = "baro", .kind = link::MessageKind::kReply, .direction = link::Direction::kToClient};
@@ -97,7 +98,7 @@ TEST(ValidateTest, AMessageIsFoundByItsNameOrItsRole) {
 
 // In a stream the server answers nothing: `reply` is what it sends by itself, if that is one message.
 TEST(ValidateTest, ReplyIsTheOnlyMessageOfAStream) {
-  link::Protocol stream = *link::FindProtocol("paper");
+  link::Protocol stream = *harness::FindProtocol("paper");
   for (link::MessageType& type : stream.messages)
     if (type.kind == link::MessageKind::kReply) {
       type.kind = link::MessageKind::kStreamed;

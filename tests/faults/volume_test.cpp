@@ -8,6 +8,7 @@
 
 #include "faults/registry.h"
 #include "faults/schedule.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/faults/faulty_line.h"
 
 namespace tiltproof::faults {
@@ -23,7 +24,7 @@ TEST(VolumeTest, FaultsChangeTheNumberOfBytesAsTheyDeclare) {
     FaultSpec spec = ExampleSpec(type);
     if (wire->volume == Volume::kDoubles) spec.parameters["probability"] = 1.0;
     std::size_t sent_bytes = 0, bytes = 0, held_bytes_max = 0;
-    FaultSchedule schedule({spec}, 1);
+    FaultSchedule schedule = AtTheLine({spec}, 1);
     link::ChunkFilter* filter = schedule.Filter(link::Direction::kToClient);
     schedule.SetOrigin(kOriginAtPowerOn);
     for (std::int64_t n = 0; n < 1000; ++n) {
@@ -54,21 +55,21 @@ std::vector<FaultSpec> Doubling(int count) {
 constexpr TimeNs kDurationNs = 60 * kNsPerS;
 
 bool IsTooMuch(const std::vector<FaultSpec>& specs) {
-  return CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper")).has_value();
+  return CertainOverfull(specs, kDurationNs, *harness::FindProtocol("paper")).has_value();
 }
 
 // A reply is 64 bytes and 4 around them: 2^16 times that is less than 8 MiB, 2^17 times more.
 TEST(VolumeTest, TellsTheFaultThatIsOneTooMany) {
   EXPECT_FALSE(IsTooMuch(Doubling(16)));
-  const auto too_much = CertainOverfull(Doubling(20), kDurationNs, *link::FindProtocol("paper"));
+  const auto too_much = CertainOverfull(Doubling(20), kDurationNs, *harness::FindProtocol("paper"));
   ASSERT_TRUE(too_much);
   EXPECT_EQ(too_much->direction, link::Direction::kToClient);
   EXPECT_EQ(too_much->faults.size(), 17U);
   // Frame faults act first, wherever they stand in the file.
   auto specs = Doubling(16);
   specs.push_back(Spec("frame.duplicate", {{"probability", 1.0}}, "frames"));
-  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper"))->faults.front(), 16U);
-  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *link::FindProtocol("paper"))->faults.back(), 15U);
+  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *harness::FindProtocol("paper"))->faults.front(), 16U);
+  EXPECT_EQ(CertainOverfull(specs, kDurationNs, *harness::FindProtocol("paper"))->faults.back(), 15U);
 }
 
 TEST(VolumeTest, CountsWhatIsCertainAlone) {

@@ -21,6 +21,7 @@
 #include "firmware/messages.h"
 #include "firmware/reference_receiver.h"
 #include "firmware/sensor_reader.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/checksum.h"
 #include "link/crc32.h"
 #include "link/frame.h"
@@ -42,7 +43,7 @@ using tiltproof::testing::Hex;
 constexpr Dialect kDialect = Dialect::kHardened;
 constexpr Actuators kActuators = {10.2751F, 10.2799F, -0.015625F, 0.5F};
 
-const Protocol& Hardened() { return *FindProtocol("hardened"); }
+const Protocol& Hardened() { return *harness::FindProtocol("hardened"); }
 
 // A message of the harness: stamp and values.
 std::vector<double> RowOf(Stamp stamp) { return {double(stamp.sequence), double(stamp.time_us)}; }

@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "harness/campaign/hostile_frames.h"
+#include "harness/scenario/shipped_protocols.h"
 
 // The engine's own mutation of bytes that mean nothing to it.
 extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t max_size);
@@ -67,7 +68,7 @@ std::size_t MutateScript(std::uint8_t* data, std::size_t size, std::size_t max_s
   Draw draw(seed);
   if (draw.Below(16) == 0) return LLVMFuzzerMutate(data, size, max_size);
   FrameScript script = ReadScript({data, size});
-  const link::Protocol& paper = *link::FindProtocol("paper");
+  const link::Protocol& paper = *harness::FindProtocol("paper");
   const link::Framing& framing = *paper.framing;
   const auto change = [](Bytes& bytes, std::size_t more_bytes_max) {
     const std::size_t used = bytes.size();

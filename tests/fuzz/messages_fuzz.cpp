@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "firmware/messages.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/frame.h"
 #include "link/protocol.h"
 #include "tests/fuzz/fuzz_target.h"
@@ -78,7 +79,7 @@ MessageStatus CheckRequest(link::Dialect dialect, Payload payload) {
 // The firmware's code refuses in the same payloads what the table refuses. The filter has accepted nothing before.
 void CheckHardened(Payload payload) {
   constexpr link::Dialect kDialect = link::Dialect::kHardened;
-  const link::Protocol& protocol = *link::FindProtocol(Name(kDialect));
+  const link::Protocol& protocol = *tiltproof::harness::FindProtocol(Name(kDialect));
   Require(CheckRequest(kDialect, payload) == ByTable(protocol, link::Direction::kToPlant, payload),
           "a hardened request: code and table agree");
   const auto reply = link::HeaderFilter(kDialect, link::MessageKind::kReply).Values(payload);
@@ -108,7 +109,7 @@ void CheckName(std::uint8_t byte, Value last) {
 
 // No protocol has that name, and there is nothing to say or to understand in it.
 void CheckUnknownDialect(link::Dialect dialect, Payload payload) {
-  Require(link::FindProtocol(Name(dialect)) == nullptr, "an unknown dialect has no protocol");
+  Require(tiltproof::harness::FindProtocol(Name(dialect)) == nullptr, "an unknown dialect has no protocol");
   Require(link::EncodeStart(dialect, {}).span().empty() && link::EncodeReadSensors(dialect).span().empty() &&
               link::EncodeActuators(dialect, {}).span().empty(),
           "an unknown dialect says nothing");
@@ -143,7 +144,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     Require(std::ranges::equal(link::EncodeReference(reference).span(), payload),
             "a reference: a round trip");
   for (const link::Dialect dialect : {link::Dialect::kPaper, link::Dialect::kProvant}) {
-    const link::Protocol& protocol = *link::FindProtocol(Name(dialect));
+    const link::Protocol& protocol = *tiltproof::harness::FindProtocol(Name(dialect));
     Require(CheckRequest(dialect, payload) == ByTable(protocol, link::Direction::kToPlant, payload),
             "a request: code and table agree");
     Require(as_sensors == ByTable(protocol, link::Direction::kToClient, payload),

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/protocol.h"
 #include "link/wire.h"
 #include "tests/support/uart_waveform.h"
@@ -63,7 +64,8 @@ std::int64_t AnyBaud() {
 RC_GTEST_PROP(CharacterPropertyTest, ABusyTransmitterDoesNotDrift, ()) {
   const CharacterFormat format = AnyFormat();
   const std::int64_t baud = AnyBaud();
-  Wire wire({.baud = baud, .character = format}, Direction::kToPlant, *FindProtocol("paper"), nullptr);
+  Wire wire({.baud = baud, .character = format}, Direction::kToPlant, *harness::FindProtocol("paper"),
+            nullptr);
   const BootTime begin(*rc::gen::inRange<TimeNs>(0, kNsPerS));
   const std::vector<std::uint8_t> bytes(900, 1);
   Exact count = 0;
@@ -90,7 +92,7 @@ RC_GTEST_PROP(CharacterPropertyTest, EachByteArrivesWhenItsLastStopBitEnds, ()) 
 }
 
 TEST(CharacterTest, SevenDataBitsLoseTheTopBit) {
-  Wire wire({.character = {.data_bits = 7}}, Direction::kToPlant, *FindProtocol("paper"), nullptr);
+  Wire wire({.character = {.data_bits = 7}}, Direction::kToPlant, *harness::FindProtocol("paper"), nullptr);
   const std::vector<std::uint8_t> sent = {0x7E, 0x81, 0xFF, 0x12, 0x7E};
   const BootTime end = wire.Transmit(BootTime(), sent);
   EXPECT_EQ(end.ns(), 5LL * 9 * kNsPerS / 921'600);

@@ -10,13 +10,14 @@
 #include <vector>
 
 #include "firmware/messages.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::link {
 namespace {
 
 using Bytes = std::vector<std::uint8_t>;
 
-const Protocol& Paper() { return *FindProtocol("paper"); }
+const Protocol& Paper() { return *harness::FindProtocol("paper"); }
 
 Bytes ToBytes(std::span<const std::uint8_t> bytes) { return {bytes.begin(), bytes.end()}; }
 
@@ -141,7 +142,7 @@ TEST(ProtocolTest, DecodesWhatTheFirmwaresOwnDecodersDo) {
     const Bytes payload = payloads.Next();
     for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant})
       for (const Direction direction : kDirections) {
-        const Said said = Table(*FindProtocol(Name(dialect)), direction, payload);
+        const Said said = Table(*harness::FindProtocol(Name(dialect)), direction, payload);
         ASSERT_EQ(said, ByHand(dialect, direction, payload)) << Name(dialect) << " " << Name(direction);
         ++statuses[static_cast<std::size_t>(said.status)];
       }
@@ -158,7 +159,7 @@ TEST(ProtocolTest, ClassifiesByLengthAndIdAlone) {
   for (int i = 0; i < 100'000; ++i) {
     const Bytes payload = payloads.Next();
     for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
-      const Protocol& protocol = *FindProtocol(Name(dialect));
+      const Protocol& protocol = *harness::FindProtocol(Name(dialect));
       const MessageType* type = protocol.Classify(Direction::kToPlant, payload);
       ASSERT_EQ(type == nullptr ? MessageKind::kUnknown : type->kind,
                 ClassifyClientPayload(dialect, payload));
@@ -186,7 +187,7 @@ TEST(ProtocolTest, EncodesWhatTheFirmwaresOwnEncodersDo) {
       return ToBytes(protocol.Encode(type, std::span(values).first(type.fields.size())).span());
     };
     for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
-      const Protocol& protocol = *FindProtocol(Name(dialect));
+      const Protocol& protocol = *harness::FindProtocol(Name(dialect));
       ASSERT_EQ(encode(protocol, "start"), ToBytes(EncodeStart(dialect, actuators).span()));
       ASSERT_EQ(encode(protocol, "request"), ToBytes(EncodeReadSensors(dialect).span()));
       ASSERT_EQ(encode(protocol, "actuators"), ToBytes(EncodeActuators(dialect, actuators).span()));
@@ -198,7 +199,7 @@ TEST(ProtocolTest, EncodesWhatTheFirmwaresOwnEncodersDo) {
 
 // Fields go by name: the order on the wire is that of the firmware's structs.
 TEST(ProtocolTest, FieldsHaveTheFirmwaresNamesAndOrder) {
-  for (const auto& protocol : Protocols()) {
+  for (const auto& protocol : harness::ShippedProtocols()) {
     const auto expect_fields = [&](std::string_view message, const auto& fields) {
       const MessageType& type = *protocol->Find(message);
       std::vector<std::string> signals;
@@ -214,9 +215,9 @@ TEST(ProtocolTest, FieldsHaveTheFirmwaresNamesAndOrder) {
 }
 
 TEST(ProtocolTest, EachProtocolIsWhole) {
-  for (const auto& protocol : Protocols()) {
+  for (const auto& protocol : harness::ShippedProtocols()) {
     SCOPED_TRACE(protocol->name);
-    EXPECT_EQ(FindProtocol(protocol->name), protocol);
+    EXPECT_EQ(harness::FindProtocol(protocol->name), protocol);
     EXPECT_EQ(protocol->framing->name(), "hdlc");
     EXPECT_EQ(protocol->control_period_ns, 12 * kNsPerMs);
     int starts_count = 0;
@@ -232,12 +233,12 @@ TEST(ProtocolTest, EachProtocolIsWhole) {
     EXPECT_EQ(protocol->Find("no such message"), nullptr);
     EXPECT_EQ(protocol->Find(MessageKind::kUnknown), nullptr);
   }
-  EXPECT_EQ(FindProtocol("klingon"), nullptr);
+  EXPECT_EQ(harness::FindProtocol("klingon"), nullptr);
 }
 
 TEST(ProtocolTest, MessagesKeepTheirFormerNames) {
   for (const char* name : {"paper", "provant", "hardened"}) {
-    const Protocol& protocol = *FindProtocol(name);
+    const Protocol& protocol = *harness::FindProtocol(name);
     EXPECT_EQ(protocol.Find("read_sensors"), protocol.Find("request"));
     EXPECT_EQ(protocol.Find("sensors"), protocol.Find("reply"));
   }
@@ -245,7 +246,7 @@ TEST(ProtocolTest, MessagesKeepTheirFormerNames) {
 
 // Every message of "hardened" is a message of the paper behind an id, a count and a time.
 TEST(ProtocolTest, TheHardenedMessagesHaveIdCountAndTime) {
-  const Protocol& hardened = *FindProtocol("hardened");
+  const Protocol& hardened = *harness::FindProtocol("hardened");
   EXPECT_EQ(hardened.framing->check(), CheckKind::kCrc32IsoHdlc);
   ASSERT_EQ(hardened.messages.size(), Paper().messages.size());
   for (const MessageType& type : hardened.messages) {
@@ -281,7 +282,7 @@ TEST(ProtocolTest, ThePapersMessagesCarryAnyVehicle) {
       .states = states,
       .sensors = TableOf({"x_m", "yaw_rad", "alpha_tail_rad", "vx_m_s", "alpha_tail_rad_s", "pressure_pa"}),
       .inputs = TableOf({"f_1_n", "f_2_n", "f_3_n", "angle_tail_rad"})};
-  const auto own = ForVehicle(FindProtocol("paper"), tricopter);
+  const auto own = ForVehicle(harness::FindProtocol("paper"), tricopter);
   EXPECT_EQ(own->name, "paper");
   EXPECT_EQ(own->control_period_ns, 12 * kNsPerMs);
   EXPECT_TRUE(own->repeated_start_is_boot);
@@ -319,8 +320,8 @@ TEST(ProtocolTest, TheTiltRotorAndOtherProtocolsStayAsTheyAre) {
     inputs.push_back(SignalNamed(std::string(field.column), SignalFrame::kNone));
   const SignalTable states(sensors);
   const VehicleSignals tilt_rotor = {.states = states, .sensors = states, .inputs = SignalTable(inputs)};
-  EXPECT_EQ(ForVehicle(FindProtocol("paper"), tilt_rotor), FindProtocol("paper"));
-  EXPECT_EQ(ForVehicle(FindProtocol("provant"), {}), FindProtocol("provant"));
+  EXPECT_EQ(ForVehicle(harness::FindProtocol("paper"), tilt_rotor), harness::FindProtocol("paper"));
+  EXPECT_EQ(ForVehicle(harness::FindProtocol("provant"), {}), harness::FindProtocol("provant"));
 }
 
 TEST(ProtocolTest, ARefusedPayloadLeavesTheMessageAlone) {

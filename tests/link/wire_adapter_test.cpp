@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/wire.h"
 #include "tests/link/taken.h"
 
@@ -23,7 +24,7 @@ constexpr BootTime kStart(5 * kNsPerMs);
 // 10 bits at 921600 baud are 10850.694444... ns.
 constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
 
-const Protocol& kPaper = *FindProtocol("paper");
+const Protocol& kPaper = *harness::FindProtocol("paper");
 
 TEST(WireAdapterTest, AnAdaptersBufferIsPassedOnWhenItIsFullAndAfterItsTime) {
   Wire wire({.baud = 921'600, .adapter_latency_ns = kNsPerMs, .adapter_bytes_count = 3}, Direction::kToPlant,

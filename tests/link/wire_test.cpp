@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "firmware/messages.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/frame.h"
 #include "tests/link/taken.h"
 
@@ -31,7 +32,7 @@ constexpr BootTime kStart(5 * kNsPerMs);
 // 10 bits at 921600 baud are 10850.694444... ns.
 constexpr TimeNs kByteTimes[] = {0, 10850, 21701, 32552, 43402, 54253, 65104, 75954, 86805, 97656, 108506};
 
-const Protocol& kPaper = *FindProtocol("paper");
+const Protocol& kPaper = *harness::FindProtocol("paper");
 
 Bytes Framed(const MessageBytes& message) {
   std::array<std::uint8_t, FrameBytesMax(kMessageBytesMax)> wire;
@@ -215,7 +216,7 @@ TEST(WireTest, AFilterSeesEachFrameWithItsMessage) {
   const std::array<std::uint8_t, 4> awkward = {0x7E, 0x7D, 0x7E, 0x41};
   std::memcpy(&actuators.f_r_n, awkward.data(), awkward.size());
   for (const Dialect dialect : {Dialect::kPaper, Dialect::kProvant}) {
-    Wire wire({}, Direction::kToPlant, *FindProtocol(Name(dialect)), &filter);
+    Wire wire({}, Direction::kToPlant, *harness::FindProtocol(Name(dialect)), &filter);
     Bytes bytes = Framed(EncodeStart(dialect, {}));
     const Bytes request = Framed(EncodeReadSensors(dialect));
     const Bytes command = Framed(EncodeActuators(dialect, actuators));

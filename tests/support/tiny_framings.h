@@ -10,6 +10,7 @@
 #include <string_view>
 #include <vector>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/framing.h"
 #include "link/protocol.h"
 
@@ -231,7 +232,7 @@ class LengthFraming : public TinyFraming {
 
 // The paper's protocol with another framing.
 inline std::shared_ptr<const Protocol> PaperOver(std::shared_ptr<const Framing> framing) {
-  auto protocol = std::make_shared<Protocol>(*FindProtocol("paper"));
+  auto protocol = std::make_shared<Protocol>(*harness::FindProtocol("paper"));
   protocol->framing = std::move(framing);
   return protocol;
 }

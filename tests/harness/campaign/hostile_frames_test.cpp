@@ -19,6 +19,7 @@
 #include "harness/campaign/broken_flight.h"
 #include "harness/campaign/hostile_sequence.h"
 #include "harness/engine/flight_job.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/frame.h"
 #include "link/hdlc_framing.h"
@@ -33,7 +34,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
-const link::Protocol& Paper() { return *link::FindProtocol("paper"); }
+const link::Protocol& Paper() { return *FindProtocol("paper"); }
 const link::Framing& Framing() { return *Paper().framing; }
 
 TEST(HostileFrames, FramesAreThoseOfTheCodecAndLongerOnes) {
@@ -235,7 +236,7 @@ TEST(HostileFrames, CobsInputsHaveFullBlocksAndCodesBeyondTheEnd) {
 
 // A number far ahead would make every receiver deaf, so hostile messages are numbered as the flight is.
 TEST(HostileFrames, NumbersAndTimesAreNearThoseOfTheFlight) {
-  const auto hardened = link::FindProtocol("hardened");
+  const auto hardened = FindProtocol("hardened");
   ASSERT_NE(hardened, nullptr);
   const link::MessageType& reply = *hardened->Find("reply");
   const HostileFrames frames(*hardened, link::Direction::kToClient);
@@ -460,7 +461,7 @@ TEST(BrokenFlight, ASignalOfOthersCountsOnlyAfterHostileBytes) {
 // Each fault acts, and no frame that comes is broken.
 TEST(HostileSequence, AWellFormedFlightHasFaultsThatAreValid) {
   Scenario base;
-  base.link.protocol = link::FindProtocol("paper");
+  base.link.protocol = FindProtocol("paper");
   const Scenario scenario = WellFormedFlight(base);
   ASSERT_GE(scenario.faults.size(), 12U);
   for (std::size_t i = 0; i < scenario.faults.size(); ++i) {

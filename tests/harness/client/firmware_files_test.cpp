@@ -8,6 +8,7 @@
 #include <utility>
 #include <variant>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/length_framing.h"
 
@@ -15,7 +16,7 @@ namespace tiltproof::harness {
 namespace {
 
 link::FrameEnd EndOf(std::shared_ptr<const link::Framing> framing) {
-  link::Protocol protocol = *link::FindProtocol("paper");
+  link::Protocol protocol = *FindProtocol("paper");
   protocol.framing = std::move(framing);
   return BoardOf({.file = "mine.elf"}, "paper", protocol).frame_end;
 }

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/protocol.h"
 #include "link/wire.h"
 
@@ -18,7 +19,7 @@ RC_GTEST_PROP(ProgramHeader, BytesLeaveAsOnTheWire, ()) {
                                         .parity = *rc::gen::elementOf(link::kParities),
                                         .stop_bits = *rc::gen::element<std::int64_t>(1, 2)};
   const std::int64_t baud = *rc::gen::element<std::int64_t>(0, 300, 9600, 115'200, 921'600, 999'983);
-  const auto protocol = link::FindProtocol("paper");
+  const auto protocol = FindProtocol("paper");
   link::Wire wire({.baud = baud, .character = character}, link::Direction::kToPlant, *protocol, nullptr);
 
   TiltproofProgram program{};

@@ -25,6 +25,7 @@
 #include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
 #include "harness/run/flight.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -278,7 +279,7 @@ std::vector<FlightJob> AllSorts() {
                                  Job("provant"), Job("shaken"),    Job("reset"),    Job("broken")};
   jobs[2].scenario.firmware = "tolerant";
   jobs[3].scenario.firmware = "paper_published";
-  jobs[4].scenario.link.protocol = link::FindProtocol("provant");
+  jobs[4].scenario.link.protocol = FindProtocol("provant");
   jobs[5].scenario.faults[0].type = "wire.bit_error";
   jobs[5].scenario.faults[0].target = faults::Target::kBoth;
   jobs[5].scenario.faults[0].parameters["ber"] = 1e-3;

@@ -13,6 +13,7 @@
 #include "harness/integrity/binomial.h"
 #include "harness/integrity/damager.h"
 #include "harness/integrity/undetected.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/fletcher16.h"
 #include "link/hdlc_framing.h"
@@ -25,7 +26,7 @@ using Bytes = std::vector<std::uint8_t>;
 using link::CheckKind;
 
 std::shared_ptr<const link::Protocol> PaperWith(std::shared_ptr<const link::Framing> framing) {
-  const auto protocol = std::make_shared<link::Protocol>(*link::FindProtocol("paper"));
+  const auto protocol = std::make_shared<link::Protocol>(*FindProtocol("paper"));
   protocol->framing = std::move(framing);
   return protocol;
 }
@@ -486,7 +487,7 @@ TEST(Integrity, ThreadsDoNotMatterAndSeedsDo) {
 }
 
 TEST(Integrity, SpecsThatCannotBeMeasuredAreRefused) {
-  const auto protocol = link::FindProtocol("paper");
+  const auto protocol = FindProtocol("paper");
   EXPECT_THROW(MeasureIntegrity({.protocol = protocol, .message = "nothing"}), std::invalid_argument);
   link::Protocol silent = *protocol;
   std::erase_if(silent.messages,

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
@@ -25,7 +26,7 @@ struct ResetListenerTest : testing::Test {
     }
     return bytes;
   }
-  const link::Protocol& protocol = *link::FindProtocol("paper");
+  const link::Protocol& protocol = *FindProtocol("paper");
   ResetListener listener{protocol};
 };
 

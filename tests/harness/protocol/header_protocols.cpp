@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/cobs_framing.h"
 #include "link/hdlc_framing.h"
 #include "link/length_framing.h"
@@ -91,7 +92,7 @@ link::Protocol WithFraming(const std::string& name, std::shared_ptr<const link::
 }  // namespace
 
 std::vector<link::Protocol> HeaderProtocols() {
-  std::vector<link::Protocol> protocols = {*link::FindProtocol("paper"), *link::FindProtocol("provant")};
+  std::vector<link::Protocol> protocols = {*FindProtocol("paper"), *FindProtocol("provant")};
   for (int i = 0; i <= static_cast<int>(LastOf(CheckKind())); ++i) {
     const auto check = static_cast<CheckKind>(i);
     const std::string name(Name(check));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "header_protocols.h"
 #include "link/cobs_framing.h"
 
@@ -31,7 +32,7 @@ TEST(LineLoad, FramesAreBetweenTheBoundsAndReachThem) {
 }
 
 TEST(LineLoad, ThePaperSendsTwoFramesAndGetsOneInEachPeriod) {
-  const link::Protocol& paper = *link::FindProtocol("paper");
+  const link::Protocol& paper = *FindProtocol("paper");
   // Flags and check are 4 bytes; the request has an id of 4, the actuators four numbers more, the reply 16.
   EXPECT_EQ(LineLoadOf(paper, link::Direction::kToPlant).bytes, (4 + 4) + (4 + 4 + 16));
   EXPECT_EQ(LineLoadOf(paper, link::Direction::kToClient).bytes, 4 + 64);

@@ -16,6 +16,7 @@
 
 #include "faults/registry.h"
 #include "harness/run/flight.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/harness/run/by_hand.h"
 #include "tests/harness/run/kept_records.h"
 #include "tests/support/control_period.h"
@@ -302,7 +303,7 @@ TEST(BoardLineFaults, OnFramesNeedAProtocol) {
 // With a protocol, bytes that end a frame go on as this frame: faults on frames act.
 TEST(BoardLineFaults, DropFramesOfTheNamedProtocol) {
   Scenario scenario = TwoBoards(921'600, {OnCross("frame.drop", Target::kToPlant, {{"probability", 1.0}})});
-  scenario.lines[0].protocol = link::FindProtocol("paper");
+  scenario.lines[0].protocol = FindProtocol("paper");
   scenario.faults[0].every_nth_count = 2;
   scenario.faults[0].start_ns = 0;
   KeptRecords records;

@@ -6,6 +6,7 @@
 
 #include "firmware/messages.h"
 #include "harness/client/client.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/harness/run/by_hand.h"
 
 namespace tiltproof::harness {
@@ -15,7 +16,7 @@ using link::Direction;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-const link::Protocol& kPaperProtocol = *link::FindProtocol("paper");
+const link::Protocol& kPaperProtocol = *FindProtocol("paper");
 
 void Sends(RunLog& log, TimeNs begin_ns, std::span<const std::uint8_t> frame,
            Direction direction = Direction::kToPlant, bool delivered = false) {
@@ -117,7 +118,7 @@ TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
   const std::vector<std::uint8_t> start = Start(link::Dialect::kProvant);
   log.clients[0].actuator_times_ns = {100};
   Sends(log, 150, start);
-  AddClientHistory(log, 0, *link::FindProtocol("provant"));
+  AddClientHistory(log, 0, *FindProtocol("provant"));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 

@@ -13,6 +13,7 @@
 
 #include "firmware/messages.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/frame.h"
 #include "tests/harness/run/by_hand.h"
 #include "tests/support/control_period.h"
@@ -447,7 +448,7 @@ TEST(Flight, TroubleInTheFirmwareKeepsWhatWasFlown) {
 TEST(Flight, ARepeatedStartIsARestartInThePapersDialectOnly) {
   for (const auto dialect : {link::Dialect::kPaper, link::Dialect::kProvant}) {
     Scenario scenario = Hover(0.12);
-    scenario.link.protocol = link::FindProtocol(Name(dialect));
+    scenario.link.protocol = FindProtocol(Name(dialect));
     bool repeated = false;
     const RunLog log = FlyWith(scenario, [&](TestClient& client) {
       client.on_grant = [&](BootTime now) {

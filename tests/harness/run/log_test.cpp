@@ -8,6 +8,7 @@
 #include "firmware/messages.h"
 #include "harness/run/link_log.h"
 #include "harness/run/receiving_end.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/frame.h"
 
 namespace tiltproof::harness {
@@ -112,7 +113,7 @@ class AuditTest : public ::testing::Test {
         {arrival, chunk.bytes, chunk.number}, [](const auto&, const link::Message&) {},
         [](std::string_view) {});
   }
-  ReceivingEnd end_{*link::FindProtocol("paper"), Direction::kToClient, true};
+  ReceivingEnd end_{*FindProtocol("paper"), Direction::kToClient, true};
   std::uint64_t sent_count_ = 0;
 };
 

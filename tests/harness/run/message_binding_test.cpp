@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "harness/reference/reference_point.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/harness/run/by_hand.h"
 
 namespace tiltproof::harness {
@@ -263,7 +264,7 @@ TEST(MessageBinding, WhatCannotBeConvertedIsRefusedWithTheReason) {
 
 TEST(UnsuitableProtocol, TakesTheInputsOfAllActuatorMessagesTogether) {
   const VehicleSignals vehicle = Model().signals();
-  link::Protocol protocol = *link::FindProtocol("paper");
+  link::Protocol protocol = *FindProtocol("paper");
   link::MessageType& actuators = protocol.messages[2];
   ASSERT_EQ(actuators.kind, link::MessageKind::kActuators);
   link::MessageType torques = actuators;

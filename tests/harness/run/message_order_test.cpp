@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "harness/run/message_receiver.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "link/protocol.h"
 
 namespace tiltproof::harness {
@@ -134,7 +135,7 @@ TEST_F(MessageOrderTest, AStartThatMeansABootBeginsAgain) {
 }
 
 TEST(MessageOrder, AProtocolWithoutNumbersTakesEverything) {
-  const link::Protocol& paper = *link::FindProtocol("paper");
+  const link::Protocol& paper = *FindProtocol("paper");
   MessageOrder order(paper);
   const link::Message message{paper.Find(link::MessageKind::kActuators), {1, 2, 3, 4}};
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(order.Takes(message));

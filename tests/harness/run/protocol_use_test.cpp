@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "firmware/messages.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/harness/run/by_hand.h"
 
 namespace tiltproof::harness {
@@ -47,7 +48,7 @@ class Exchange {
     return *this;
   }
   ProtocolUse Use(std::int64_t baud = 0) {
-    AddProtocolUse(log_, 0, *link::FindProtocol("paper"), {.baud = baud});
+    AddProtocolUse(log_, 0, *FindProtocol("paper"), {.baud = baud});
     return *log_.clients[0].protocol;
   }
   std::vector<LineMistake> Mistakes(double end_ms, EndReason ended = EndReason::kCompleted) {

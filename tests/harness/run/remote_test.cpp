@@ -17,6 +17,7 @@
 #include "harness/run/remote/remote_parts.h"
 #include "harness/run/remote/serve.h"
 #include "harness/scenario/reader.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/harness/run/kept_records.h"
 
 namespace tiltproof::harness {
@@ -237,7 +238,7 @@ TEST(Remote, ScenarioThatTheOtherProcessCannotReadIsSaid) {
   const harness::Setup setup{"name: [", ""};
   try {
     KeptRecords records;
-    RemoteLine line(parts.line.channel(), setup, *link::FindProtocol("paper"), records);
+    RemoteLine line(parts.line.channel(), setup, *FindProtocol("paper"), records);
     FAIL() << "accepted";
   } catch (const std::runtime_error& error) {
     EXPECT_THAT(error.what(), HasSubstr("the link process: setup:1"));

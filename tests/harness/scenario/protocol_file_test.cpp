@@ -12,6 +12,7 @@
 #include "faults/registry.h"
 #include "harness/scenario/diagnostic.h"
 #include "harness/scenario/reader.h"
+#include "harness/scenario/shipped_protocols.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -205,7 +206,7 @@ TEST(ProtocolFileTest, AResolvedScenarioHoldsTheProtocol) {
 }
 
 TEST(ProtocolFileTest, TheShippedProtocolsAreTheirOwnDescription) {
-  for (const auto& protocol : link::Protocols()) {
+  for (const auto& protocol : ShippedProtocols()) {
     const ProtocolSpec spec = SpecOf(*protocol);
     YamlNode mapping;  // only for the places of errors
     mapping.kind = YamlNode::Kind::kMapping;
@@ -230,16 +231,16 @@ TEST(ProtocolFileTest, TheShippedProtocolsAreTheirOwnDescription) {
 }
 
 TEST(ProtocolFileTest, AProtocolWithTheBytesOfAShippedOneIsThatDialect) {
-  link::Protocol copy = *link::FindProtocol("paper");
+  link::Protocol copy = *FindProtocol("paper");
   copy.name = "mine";
   copy.messages[3].fields[0].max = 5;
   EXPECT_EQ(DialectOf(copy), "paper");
   copy.messages[3].fields[0].scale = 2;
   EXPECT_EQ(DialectOf(copy), "mine");
-  copy = *link::FindProtocol("paper");
+  copy = *FindProtocol("paper");
   copy.framing = link::MakeHdlcFraming(link::CheckKind::kCrc16IbmSdlc);
   EXPECT_EQ(DialectOf(copy), "paper") << "its own name";
-  EXPECT_FALSE(SameOnTheLine(copy, *link::FindProtocol("paper")));
+  EXPECT_FALSE(SameOnTheLine(copy, *FindProtocol("paper")));
 }
 
 }  // namespace

@@ -31,7 +31,7 @@ TEST(HardOverTest, GoesToTheLimitsOfTheVehiclesTable) {
 TEST(HardOverTest, AnInputWithoutALimitIsRefused) {
   VehicleSignals signals = TiltrotorSignals();
   signals.inputs = SignalTable({SignalNamed("f_r_n", SignalFrame::kRotor)});
-  EXPECT_THROW(FaultSchedule({HardOver("f_r", "max")}, 1, {.signals = signals}), std::invalid_argument);
+  EXPECT_THROW(AtTheLine({HardOver("f_r", "max")}, 1, {.signals = signals}), std::invalid_argument);
 }
 
 }  // namespace

@@ -95,7 +95,7 @@ TEST(BabbleTest, CountsOnlyWhatFallsIntoTheWindow) {
 
 // A long silence does not end in a flood.
 TEST(BabbleTest, OfALongPauseTheLastSecondCounts) {
-  FaultSchedule schedule({Spec("frame.babble", {{"rate_hz", 1000.0}})}, 1);
+  FaultSchedule schedule = AtTheLine({Spec("frame.babble", {{"rate_hz", 1000.0}})}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<link::Chunk> chunks = {MessageFrame("sensors", 0)};
   schedule.Filter(Direction::kToClient)->Apply(chunks);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "faults/frame_edit.h"
+#include "harness/scenario/shipped_protocols.h"
 #include "tests/faults/faulty_line.h"
 #include "tests/support/tiny_framings.h"
 
@@ -18,7 +19,7 @@ using link::LengthFraming;
 using link::PaperOver;
 using link::Protocol;
 
-std::shared_ptr<const Protocol> Paper() { return link::FindProtocol("paper"); }
+std::shared_ptr<const Protocol> Paper() { return harness::FindProtocol("paper"); }
 std::shared_ptr<const Protocol> Cobs() { return PaperOver(std::make_shared<CobsFraming>()); }
 std::shared_ptr<const Protocol> Length() { return PaperOver(std::make_shared<LengthFraming>()); }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "harness/scenario/shipped_protocols.h"
 #include "link/frame.h"
 #include "link/protocol.h"
 #include "tests/faults/faulty_line.h"
@@ -14,7 +15,7 @@
 namespace tiltproof::faults {
 
 inline const link::Protocol& PaperProtocol() {
-  static const auto protocol = link::FindProtocol("paper");
+  static const auto protocol = harness::FindProtocol("paper");
   return *protocol;
 }
 
@@ -48,7 +49,7 @@ inline std::vector<std::vector<link::Chunk>> SendMessages(FaultSchedule& schedul
 inline std::vector<std::vector<link::Chunk>> SendMessages(FaultSpec spec, const std::string& message,
                                                           std::int64_t count, std::uint64_t seed = 1) {
   if (PaperProtocol().Find(message)->direction == link::Direction::kToPlant) spec.target = Target::kToPlant;
-  FaultSchedule schedule({spec}, seed);
+  FaultSchedule schedule = AtTheLine({spec}, seed);
   return SendMessages(schedule, message, count);
 }
 

@@ -60,7 +60,7 @@ TEST(ReorderTest, OtherMessagesDoNotCount) {
   spec.target = Target::kToPlant;
   spec.message = "actuators";
   spec.end_ns = 1;  // frame 0 only
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<std::uint64_t> order;
   for (std::int64_t n = 0; n < 5; ++n) {

@@ -35,7 +35,7 @@ TEST(ReplayStaleTest, RemembersFramesBeforeTheWindow) {
 TEST(ReplayStaleTest, ReplaysTheSameMessage) {
   FaultSpec spec = Spec("frame.replay_stale", {{"probability", 1.0}, {"age_count", 1.0}});
   spec.target = Target::kToPlant;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   for (std::int64_t n = 0; n < 20; ++n) {
     std::vector<link::Chunk> chunks = {Frame(n)};

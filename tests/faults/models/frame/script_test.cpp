@@ -59,7 +59,7 @@ TEST(ScriptTest, WordsCountTheFramesThatAreSentAndPicked) {
   drop.end_ns = FrameTime(8);
   FaultSpec twice = Spec("frame.duplicate", {{"probability", 1.0}}, "twice");
   twice.start_ns = FrameTime(10);
-  FaultSchedule schedule({drop, twice, script}, 1);
+  FaultSchedule schedule = AtTheLine({drop, twice, script}, 1);
   const auto out = Changed(Send(schedule, 12));
   EXPECT_THAT(out[4], ElementsAre(Bytes{1}));  // of 2, 3, 4
   EXPECT_THAT(out[7], SizeIs(0));              // dropped, with its word
@@ -69,7 +69,7 @@ TEST(ScriptTest, WordsCountTheFramesThatAreSentAndPicked) {
 TEST(ScriptTest, EachDirectionBeginsWithTheFirstWord) {
   FaultSpec script = Scripted("01 02");
   script.target = Target::kBoth;
-  FaultSchedule schedule({script}, 1);
+  FaultSchedule schedule = AtTheLine({script}, 1);
   for (const link::Direction direction : {link::Direction::kToClient, link::Direction::kToPlant})
     EXPECT_THAT(Changed(Send(schedule, 3, 68, direction)),
                 ElementsAre(ElementsAre(Bytes{1}), ElementsAre(Bytes{2}), kAsItWas));
@@ -81,7 +81,7 @@ TEST(ScriptTest, AFrameAsItIsSentIsNoActivation) {
     hex += "0123456789abcdef"[byte >> 4];
     hex += "0123456789abcdef"[byte & 15];
   }
-  FaultSchedule schedule({Scripted(hex + " " + hex)}, 1);
+  FaultSchedule schedule = AtTheLine({Scripted(hex + " " + hex)}, 1);
   Send(schedule, 3);
   EXPECT_THAT(schedule.ActivationCounts(), ElementsAre(1));
 }

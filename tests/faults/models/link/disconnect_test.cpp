@@ -34,7 +34,7 @@ TEST(DisconnectTest, CutsFramesInTheMiddle) {
     FaultSpec spec = Spec("link.disconnect");
     spec.start_ns = start_ns;
     spec.end_ns = end_ns;
-    FaultSchedule schedule({spec}, 1);
+    FaultSchedule schedule = AtTheLine({spec}, 1);
     const auto out = Send(schedule, 10);
     std::int64_t cut = 0;
     for (std::int64_t n = 0; n < 10; ++n) {
@@ -61,11 +61,11 @@ TEST(DisconnectTest, CutsFramesInTheMiddle) {
 TEST(DisconnectTest, CutsBothDirectionsUnlessTargeted) {
   FaultSpec spec = Spec("link.disconnect");
   spec.target = Target::kNone;
-  FaultSchedule both({spec}, 1);
+  FaultSchedule both = AtTheLine({spec}, 1);
   EXPECT_NE(both.Filter(link::Direction::kToClient), nullptr);
   EXPECT_NE(both.Filter(link::Direction::kToPlant), nullptr);
   spec.target = Target::kToPlant;
-  FaultSchedule one({spec}, 1);
+  FaultSchedule one = AtTheLine({spec}, 1);
   EXPECT_EQ(one.Filter(link::Direction::kToClient), nullptr);
 }
 
@@ -73,7 +73,7 @@ TEST(DisconnectTest, OnAnIdealLineFramesAreInstants) {
   FaultSpec spec = Spec("link.disconnect");
   spec.start_ns = FrameTime(3);
   spec.end_ns = FrameTime(5);
-  FaultSchedule schedule({spec}, 1, {.baud = 0, .reference_baud = 0});
+  FaultSchedule schedule = AtTheLine({spec}, 1, {.baud = 0, .reference_baud = 0});
   const auto out = Send(schedule, 10);
   EXPECT_TRUE(out[3].empty());
   EXPECT_TRUE(out[4].empty());

@@ -12,7 +12,7 @@ TEST(SilenceTest, FramesBegunInTheWindowVanishWhole) {
   spec.start_ns = FrameTime(3) + 100'000;
   spec.end_ns = FrameTime(6) + 100'000;
   for (const link::Direction direction : {link::Direction::kToClient, link::Direction::kToPlant}) {
-    FaultSchedule schedule({spec}, 1);
+    FaultSchedule schedule = AtTheLine({spec}, 1);
     const auto out = Send(schedule, 10, 68, direction);
     for (std::int64_t n = 0; n < 10; ++n) {
       const auto& chunks = out[static_cast<std::size_t>(n)];
@@ -28,7 +28,7 @@ TEST(SilenceTest, FramesBegunInTheWindowVanishWhole) {
 TEST(SilenceTest, TheReferenceLineGoesOn) {
   FaultSpec spec = Spec("link.silence");
   spec.target = Target::kNone;
-  FaultSchedule schedule({spec}, 1);
+  FaultSchedule schedule = AtTheLine({spec}, 1);
   EXPECT_EQ(schedule.Filter(link::Direction::kReference), nullptr);
 }
 

@@ -57,7 +57,7 @@ TEST(MisalignmentTest, NeedsAllThreeSensors) {
               ::testing::ElementsAre("position", "rates"));
   const FaultSpec spec =
       Spec("sensor.misalignment", {{"signal", "velocity"}, {"axis", "x"}, {"angle_rad", 0.1}});
-  EXPECT_THROW(FaultSchedule({spec}, 1, {.signals = signals}), std::invalid_argument);
+  EXPECT_THROW(AtTheLine({spec}, 1, {.signals = signals}), std::invalid_argument);
 }
 
 }  // namespace

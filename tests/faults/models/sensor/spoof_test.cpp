@@ -54,8 +54,8 @@ TEST(SpoofTest, PullsPositionsAlone) {
 TEST(SpoofTest, AVehicleMayHaveNoVelocity) {
   VehicleSignals signals = TiltrotorSignals();
   signals.sensors = SignalTable({SignalNamed("x_m", SignalFrame::kWorld)});
-  FaultSchedule schedule({Spec("sensor.spoof", {{"signal", "x_m"}, {"rate_per_s", 1000.0}})}, 1,
-                         {.signals = signals});
+  FaultSchedule schedule =
+      AtTheLine({Spec("sensor.spoof", {{"signal", "x_m"}, {"rate_per_s", 1000.0}})}, 1, {.signals = signals});
   std::vector<double> row = {5};
   schedule.EditSensors(0, row, BootTime());
   schedule.EditSensors(kPeriod, row, BootTime());

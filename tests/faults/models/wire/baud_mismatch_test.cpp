@@ -8,7 +8,7 @@ namespace tiltproof::faults {
 namespace {
 
 Bytes Received(double ppm, const Bytes& sent) {
-  FaultSchedule schedule({Spec("wire.baud_mismatch", {{"ppm", ppm}})}, 1);
+  FaultSchedule schedule = AtTheLine({Spec("wire.baud_mismatch", {{"ppm", ppm}})}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<link::Chunk> chunks = {{.begin_ns = {}, .bytes = sent}};
   schedule.Filter(link::Direction::kToClient)->Apply(chunks);

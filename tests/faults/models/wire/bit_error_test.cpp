@@ -30,7 +30,7 @@ TEST(BitErrorTest, RatioOneFlipsEverything) {
 }
 
 TEST(BitErrorTest, SaysWhichBits) {
-  FaultSchedule schedule({Spec("wire.bit_error", {{"ber", 0.002}})}, 1);
+  FaultSchedule schedule = AtTheLine({Spec("wire.bit_error", {{"ber", 0.002}})}, 1);
   const auto out = Send(schedule, 200);
   int checked = 0;
   for (const Activation& activation : schedule.TakeActivations(kOriginAtPowerOn)) {

@@ -11,7 +11,7 @@ namespace {
 
 // A line without pauses: frame n follows n - 1 directly. Gives which bits of it flip, as one sequence.
 std::vector<bool> BusyLine(double length_bits, double density, double rate_hz, std::int64_t count) {
-  FaultSchedule schedule(
+  FaultSchedule schedule = AtTheLine(
       {Spec("wire.burst", {{"length_bits", length_bits}, {"density", density}, {"rate_hz", rate_hz}})}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   std::vector<bool> flipped;
@@ -81,8 +81,8 @@ TEST(BurstTest, DensityIsTheShareOfFlippedBits) {
 
 TEST(BurstTest, AnIdleLineSwallowsMostOfThem) {
   // 68 bytes of every 12 ms are busy, and the burst's own length counts.
-  FaultSchedule schedule({Spec("wire.burst", {{"length_bits", 8.0}, {"density", 1.0}, {"rate_hz", 20.0}})},
-                         1);
+  FaultSchedule schedule =
+      AtTheLine({Spec("wire.burst", {{"length_bits", 8.0}, {"density", 1.0}, {"rate_hz", 20.0}})}, 1);
   Send(schedule, 50'000);
   const double busy_s = 50'000 * 69 * 10 / 921'600.0;
   EXPECT_NEAR(static_cast<double>(schedule.ActivationCounts().at(0)), 20.0 * busy_s,
@@ -91,8 +91,8 @@ TEST(BurstTest, AnIdleLineSwallowsMostOfThem) {
 
 TEST(BurstTest, DoesNotDependOnHowTheLineIsCutIntoFrames) {
   const auto flips = [](std::size_t size) {
-    FaultSchedule schedule(
-        {Spec("wire.burst", {{"length_bits", 30.0}, {"density", 0.5}, {"rate_hz", 500.0}})}, 1);
+    FaultSchedule schedule =
+        AtTheLine({Spec("wire.burst", {{"length_bits", 30.0}, {"density", 0.5}, {"rate_hz", 500.0}})}, 1);
     schedule.SetOrigin(kOriginAtPowerOn);
     std::vector<std::size_t> bits;
     // 18 bytes take 195312.5 ns: 36 begin on a whole nanosecond.

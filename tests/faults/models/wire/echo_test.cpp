@@ -25,7 +25,7 @@ TEST(EchoTest, EachFrameComesBackForItselfAndGoesOn) {
 TEST(EchoTest, HasTheBytesThatFaultsBeforeItHaveLeft) {
   const FaultSpec echo = Spec("wire.echo", {{"probability", 1.0}}, "echo");
   const FaultSpec drop = Spec("wire.byte_drop", {{"probability", 0.1}}, "drop");
-  FaultSchedule drop_first({drop, echo}, 1), echo_first({echo, drop}, 1);
+  FaultSchedule drop_first = AtTheLine({drop, echo}, 1), echo_first = AtTheLine({echo, drop}, 1);
   const auto after = Send(drop_first, 200), before = Send(echo_first, 200);
   int shorter_count = 0;
   for (std::size_t n = 0; n < after.size(); ++n) {
@@ -39,7 +39,7 @@ TEST(EchoTest, HasTheBytesThatFaultsBeforeItHaveLeft) {
 }
 
 TEST(EchoTest, ALostFrameDoesNotComeBack) {
-  FaultSchedule schedule(
+  FaultSchedule schedule = AtTheLine(
       {Spec("frame.drop", {{"probability", 1.0}}, "drop"), Spec("wire.echo", {{"probability", 1.0}}, "echo")},
       1);
   for (const auto& chunks : Send(schedule, 10)) EXPECT_TRUE(chunks.empty());
@@ -49,7 +49,7 @@ TEST(EchoTest, AltersBothWaysOfTheMainLine) {
   const auto alters = [](Target target) {
     FaultSpec spec = Spec("wire.echo", {{"probability", 1.0}});
     spec.target = target;
-    const FaultSchedule schedule({spec}, 1);
+    const FaultSchedule schedule = AtTheLine({spec}, 1);
     std::vector<bool> answers;
     for (const auto direction :
          {link::Direction::kToPlant, link::Direction::kToClient, link::Direction::kReference})
@@ -58,7 +58,7 @@ TEST(EchoTest, AltersBothWaysOfTheMainLine) {
   };
   EXPECT_EQ(alters(Target::kToPlant), (std::vector{true, true, false}));
   EXPECT_EQ(alters(Target::kNone), (std::vector{true, true, false}));  // as to_plant
-  EXPECT_FALSE(FaultSchedule({}, 1).MayAlter(link::Direction::kToPlant));
+  EXPECT_FALSE(AtTheLine({}, 1).MayAlter(link::Direction::kToPlant));
 }
 
 }  // namespace

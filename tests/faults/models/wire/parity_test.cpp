@@ -14,7 +14,7 @@ using testing::ElementsAre;
 using testing::IsEmpty;
 
 FaultSchedule OnLine(const std::vector<FaultSpec>& specs, const UartFormat& uart) {
-  return {specs, 1, {.character = uart.ForLink()}};
+  return AtTheLine(specs, 1, {.character = uart.ForLink()});
 }
 
 link::Chunk Through(FaultSchedule& schedule, link::Chunk chunk) {

@@ -9,8 +9,8 @@ namespace tiltproof::faults {
 namespace {
 
 TEST(StuckByteTest, ReplacesRunsOfBytes) {
-  FaultSchedule schedule(
-      {Spec("wire.stuck_byte", {{"value", 255.0}, {"length_bytes", 5.0}, {"rate_hz", 20.0}})}, 1);
+  FaultSchedule schedule =
+      AtTheLine({Spec("wire.stuck_byte", {{"value", 255.0}, {"length_bytes", 5.0}, {"rate_hz", 20.0}})}, 1);
   const auto out = Send(schedule, 50'000);
   int whole_runs = 0;
   double hit_frames = 0;
@@ -50,7 +50,7 @@ TEST(StuckByteTest, EventsComeAsAPoissonProcess) {
 }
 
 TEST(StuckByteTest, AByteThatHasTheValueIsNoChange) {
-  FaultSchedule schedule(
+  FaultSchedule schedule = AtTheLine(
       {Spec("wire.stuck_byte", {{"value", 0.0}, {"length_bytes", 1000.0}, {"rate_hz", 1000.0}})}, 1);
   schedule.SetOrigin(kOriginAtPowerOn);
   for (int n = 0; n < 100; ++n) {

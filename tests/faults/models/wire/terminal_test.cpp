@@ -110,7 +110,7 @@ INSTANTIATE_TEST_SUITE_P(Flags, TerminalTest,
 
 TEST(TerminalRecordTest, SaysWhichBytesItChanged) {
   const auto what = [](const char* flag, const Bytes& bytes) {
-    FaultSchedule schedule({Spec("wire.terminal", {{"flag", flag}})}, 1);
+    FaultSchedule schedule = AtTheLine({Spec("wire.terminal", {{"flag", flag}})}, 1);
     schedule.SetOrigin(kOriginAtPowerOn);
     std::vector<link::Chunk> chunks = {Frame(0)};
     chunks[0].bytes = bytes;
