@@ -84,42 +84,22 @@ void DescribeGround(KeyVisitor& v, Scenario& s) {
       });
 }
 
-// Only the checks can read the file, or make a protocol of the mapping (scenario_checks.cpp).
-void DescribeProtocolOf(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
-  const auto names = ShippedProtocolNames();
-  // By name, because a scenario has the protocol as its vehicle speaks it.
-  const bool is_shipped = std::find(names.begin(), names.end(), protocol->name) != names.end();
-  std::string name = is_shipped ? protocol->name : "";
-  v.NameOrSection(
-      {.name = "protocol",
-       .doc = "The messages of the line: of the paper, of the authors' published server, of the paper with "
-              "sequence, time and CRC-32, or of a protocol file (docs/protocol.md), relative to the "
-              "scenario's file",
-       .other_name = "dialect"},
-      names, name, [&](KeyVisitor& w) {
-        ProtocolSpec spec = is_shipped ? ProtocolSpec() : SpecOf(*protocol);
-        DescribeProtocol(w, spec);
-      });
-  if (auto found = FindProtocol(name)) protocol = std::move(found);
-}
-
-// The same for a line between boards, where no protocol is a choice, too.
-void DescribeProtocolOfLine(KeyVisitor& v, std::shared_ptr<const link::Protocol>& protocol) {
+// Only the checks can read the file, or make a protocol of the mapping (scenario_checks.cpp). `without`: the name that
+// means that there is none; empty where one is needed.
+void DescribeProtocolOf(KeyVisitor& v, const Key& key, std::shared_ptr<const link::Protocol>& protocol,
+                        std::string_view without = {}) {
   const auto shipped = ShippedProtocolNames();
-  std::vector<std::string_view> names = {kBytesAsTheyAre};
-  names.insert(names.end(), shipped.begin(), shipped.end());
-  const bool is_shipped =
-      protocol != nullptr && std::find(shipped.begin(), shipped.end(), protocol->name) != shipped.end();
-  std::string name = protocol == nullptr ? std::string(kBytesAsTheyAre) : is_shipped ? protocol->name : "";
-  v.NameOrSection({"protocol",
-                   "Where the line's frames end, for faults on frames: a protocol's name or file. `bytes`: "
-                   "nothing is known of them. `from: client` is then the first of `between`"},
-                  names, name, [&](KeyVisitor& w) {
-                    ProtocolSpec spec =
-                        protocol == nullptr || is_shipped ? ProtocolSpec() : SpecOf(*protocol);
-                    DescribeProtocol(w, spec);
-                  });
-  if (name == kBytesAsTheyAre)
+  std::vector<std::string_view> names(shipped.begin(), shipped.end());
+  if (!without.empty()) names.insert(names.begin(), without);
+  // Compared by name, because a scenario has the protocol as its vehicle speaks it.
+  const bool has_file =
+      protocol != nullptr && std::find(shipped.begin(), shipped.end(), protocol->name) == shipped.end();
+  std::string name = has_file ? "" : protocol == nullptr ? std::string(without) : protocol->name;
+  v.NameOrSection(key, names, name, [&](KeyVisitor& w) {
+    ProtocolSpec spec = has_file ? SpecOf(*protocol) : ProtocolSpec();
+    DescribeProtocol(w, spec);
+  });
+  if (!without.empty() && name == without)
     protocol = nullptr;
   else if (auto found = FindProtocol(name))
     protocol = std::move(found);
@@ -130,7 +110,11 @@ void DescribeLine(KeyVisitor& v, LineEntry& line) {
          kClientRule);
   v.Texts({"between", "Ids of the two clients at its ends", Presence::kRequired}, line.between, kClientRule);
   v.Integer({"baud", "Bits per second; a byte takes 10 bits (8N1)"}, line.baud, {1200, 10e6});
-  DescribeProtocolOfLine(v, line.protocol);
+  DescribeProtocolOf(v,
+                     {"protocol",
+                      "Where the line's frames end, for faults on frames: a protocol's name or file. "
+                      "`bytes`: nothing is known of them. `from: client` is then the first of `between`"},
+                     line.protocol, kBytesAsTheyAre);
 }
 
 void DescribeLink(KeyVisitor& v, LinkSpec& link) {
@@ -145,7 +129,14 @@ void DescribeLink(KeyVisitor& v, LinkSpec& link) {
               link.character.parity);
   v.Integer({"stop_bits", "Stop bits behind each byte, 1 or 2, on both lines"}, link.character.stop_bits,
             {1, 2});
-  DescribeProtocolOf(v, link.protocol);
+  DescribeProtocolOf(
+      v,
+      {.name = "protocol",
+       .doc = "The messages of the line: of the paper, of the authors' published server, of the paper with "
+              "sequence, time and CRC-32, or of a protocol file (docs/protocol.md), relative to the "
+              "scenario's file",
+       .other_name = "dialect"},
+      link.protocol);
   v.Number({"adapter_latency_ms", "Buffering of a USB-serial adapter, on frames towards the plant"},
            link.adapter_latency_ms, {0, 1000});
   v.MaybeSection({"adapter", "A USB-serial adapter with a buffer, in both directions of the main line"},
