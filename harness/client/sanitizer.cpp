@@ -3,7 +3,6 @@
 #include <dlfcn.h>
 #include <elf.h>
 #include <fmt/format.h>
-#include <regex.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
@@ -20,7 +19,7 @@
 #include <vector>
 
 #include "harness/client/firmware_files.h"
-#include "link/check.h"
+#include "link/posix_regex.h"
 
 #ifndef TILTPROOF_SANITIZED
 // The sanitizers ask for these. A signal that they leave alone is a FirmwareGuard's.
@@ -124,13 +123,6 @@ bool IsTheCLibrarys(std::string_view line) {
          (line.find(": Assertion `") != line.npos && line.ends_with("' failed."));
 }
 
-// The C library's expression, because std::regex takes 2 s to compile.
-regex_t Compiled(const char* regex) {
-  regex_t compiled;
-  Check(regcomp(&compiled, regex, REG_EXTENDED) == 0, "an expression for a place is one");
-  return compiled;
-}
-
 }  // namespace
 
 void PreloadSanitizer(const std::filesystem::path& library) {
@@ -165,16 +157,14 @@ void PreloadSanitizer(const std::filesystem::path& library) {
 
 void AbortReport::SetPlace(std::string_view line) {
   // file.c:LINE, or LIBRARY+0xOFFSET
-  static const regex_t source = Compiled("[^[:space:]:(]+\\.[[:alnum:]_]+:[0-9]+(:[0-9]+)?");
-  static const regex_t offset = Compiled("[^[:space:](]+\\+0x[0-9a-f]+");
+  static const PosixRegex source("[^[:space:]:(]+\\.[[:alnum:]_]+:[0-9]+(:[0-9]+)?");
+  static const PosixRegex offset("[^[:space:](]+\\+0x[0-9a-f]+");
   place_.clear();
-  for (const regex_t* place : {&source, &offset}) {
-    // The part of the line to look at, then the part that was found.
-    regmatch_t part = {.rm_so = 0, .rm_eo = static_cast<regoff_t>(line.size())};
-    if (regexec(place, line.data(), 1, &part, REG_STARTEND) != 0) continue;
-    place_ =
-        line.substr(static_cast<std::size_t>(part.rm_so), static_cast<std::size_t>(part.rm_eo - part.rm_so));
-    return;
+  for (const PosixRegex* place : {&source, &offset}) {
+    if (const auto found = place->Find(line)) {
+      place_ = *found;
+      return;
+    }
   }
 }
 

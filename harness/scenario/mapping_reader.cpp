@@ -1,7 +1,6 @@
 #include "harness/scenario/mapping_reader.h"
 
 #include <fmt/format.h>
-#include <regex.h>
 
 #include <algorithm>
 #include <charconv>
@@ -13,7 +12,7 @@
 #include <utility>
 
 #include "harness/scenario/did_you_mean.h"
-#include "link/check.h"
+#include "link/posix_regex.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -30,31 +29,12 @@ bool HasControlCharacter(std::string_view text) {
   });
 }
 
-// Matches whole texts. It is the C library's expression, because std::regex takes 2 s to compile.
-class Expression {
- public:
-  explicit Expression(const std::string& regex) {
-    Check(regcomp(&compiled_, fmt::format("^({})$", regex).c_str(), REG_EXTENDED | REG_NOSUB) == 0,
-          "a rule's expression is one");
-  }
-  ~Expression() { regfree(&compiled_); }
-  Expression(const Expression&) = delete;
-  Expression& operator=(const Expression&) = delete;
-
-  bool Matches(const std::string& text) const {
-    return regexec(&compiled_, text.c_str(), 0, nullptr, 0) == 0;
-  }
-
- private:
-  regex_t compiled_;
-};
-
-// Compiling an expression takes longer than matching a name.
-bool Matches(const std::string& text, std::string_view regex) {
-  thread_local std::map<std::string, Expression, std::less<>> known;
+// True when the whole text matches. Compiling an expression takes longer than matching a name.
+bool Matches(std::string_view text, std::string_view regex) {
+  thread_local std::map<std::string, PosixRegex, std::less<>> known;
   auto found = known.find(regex);
-  if (found == known.end()) found = known.try_emplace(std::string(regex), std::string(regex)).first;
-  return found->second.Matches(text);
+  if (found == known.end()) found = known.try_emplace(std::string(regex), fmt::format("^({})$", regex)).first;
+  return found->second.Find(text).has_value();
 }
 
 }  // namespace
