@@ -18,21 +18,16 @@
 #include "faults/signal_choice.h"
 #include "faults/volume.h"
 #include "harness/reference/trajectory.h"
+#include "harness/scenario/board_line_checks.h"
 #include "harness/scenario/did_you_mean.h"
-#include "harness/scenario/mapping_reader.h"
 #include "harness/scenario/model_path.h"
 #include "harness/scenario/protocol_file.h"
-#include "harness/scenario/shipped_protocols.h"
+#include "harness/scenario/scenario_check.h"
 
 namespace tiltproof::harness {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string DidYouMeanOf(std::string_view name, const std::vector<std::string>& valid) {
-  const std::vector<std::string_view> views(valid.begin(), valid.end());
-  return DidYouMean(name, views);
-}
 
 std::vector<std::string> ModelNames(const fs::path& folder) {
   std::vector<std::string> names;
@@ -44,11 +39,11 @@ std::vector<std::string> ModelNames(const fs::path& folder) {
   return names;
 }
 
-class Checker {
+class Checker : ScenarioCheck {
  public:
   Checker(const YamlNode& root, const ReadOptions& options, Scenario& scenario,
           std::vector<YamlProblem>& problems, std::size_t first_fault = 0)
-      : root_(root), options_(options), scenario_(scenario), problems_(problems), first_fault_(first_fault) {}
+      : ScenarioCheck(scenario, problems), root_(root), options_(options), first_fault_(first_fault) {}
 
   void Run() {
     scenario_.reference_place = PlaceInFile("reference");
@@ -62,7 +57,7 @@ class Checker {
     CheckFirmware();
     CheckGain();
     CheckClients();
-    CheckLines();
+    CheckBoardLines(root_, scenario_, problems_);
     CheckFirmwareParameters();
     CheckWatch();
     CheckReference();
@@ -71,23 +66,6 @@ class Checker {
   }
 
  private:
-  void Complain(YamlMark mark, std::string message) { problems_.push_back({mark, std::move(message)}); }
-  void Complain(const YamlNode& mapping, std::string_view path, std::string message) {
-    Complain(PlaceOf(mapping, path), std::move(message));
-  }
-
-  // The reader could make nothing of this value and said so.
-  bool Troubled(const YamlNode& node) const { return Troubled(node.mark); }
-  bool Troubled(const YamlMark& mark) const {
-    return std::any_of(problems_.begin(), problems_.end(),
-                       [&](const YamlProblem& p) { return p.mark == mark; });
-  }
-  // A value that is there and good.
-  const YamlNode* Good(const YamlNode& mapping, std::string_view key) const {
-    const YamlNode* node = ValueOf(&mapping, key);
-    return node == nullptr || Troubled(*node) ? nullptr : node;
-  }
-
   std::string PlaceInFile(std::string_view path) const {
     const YamlMark mark = PlaceOf(root_, path);
     return fmt::format("{}:{}:{}", scenario_.file.string(), mark.line, mark.column);
@@ -104,36 +82,6 @@ class Checker {
     if (const YamlNode* node = ProtocolNode(); node != nullptr && !Troubled(*node))
       if (auto protocol = UsersProtocol(*node, protocol_root_, protocol_, scenario_.protocol_file))
         scenario_.link.protocol = std::move(protocol);
-  }
-
-  // The protocol that is no shipped one: a file, or a mapping as resolved scenarios have it. Null: it is shipped, or wrong.
-  std::shared_ptr<const link::Protocol> UsersProtocol(const YamlNode& node, const YamlNode*& root,
-                                                      ProtocolFile& loaded, fs::path& file) {
-    if (node.kind == YamlNode::Kind::kMapping) {
-      root = &node;
-      ProtocolSpec spec;
-      std::vector<YamlProblem> said;  // by the reader of the scenario
-      MappingReader reader(node, said);
-      DescribeProtocol(reader, spec);
-      reader.Finish();
-      if (!said.empty()) return nullptr;
-      if (std::string taken = TakenProtocolName(spec.name); !taken.empty()) {
-        Complain(PlaceOf(node, "protocol"), std::move(taken));
-        return nullptr;
-      }
-      return MakeProtocol(spec, node, problems_);
-    }
-    if (FindProtocol(node.text) != nullptr) return nullptr;
-    try {
-      file = RelativeToScenario(node.text);
-      loaded = LoadProtocolFile(file);
-      root = &loaded.root;
-      return loaded.protocol;
-    } catch (const ScenarioError& error) {
-      for (const Diagnostic& diagnostic : error.diagnostics())
-        Complain(node.mark, fmt::format("protocol: {}", ToString(diagnostic)));
-    }
-    return nullptr;
   }
 
   // The flight's length and step against the protocol's control period.
@@ -186,10 +134,6 @@ class Checker {
           fmt::format("position_m: with `on_ground` the height follows from the vehicle's shapes: write 0 in "
                       "place of z = {}, or remove `on_ground`",
                       scenario_.initial_position_m[2]));
-  }
-
-  fs::path RelativeToScenario(const fs::path& file) const {
-    return fs::absolute(scenario_.file.parent_path() / file).lexically_normal();
   }
 
   void CheckModel() {
@@ -293,103 +237,6 @@ class Checker {
     CheckArbiter();
   }
 
-  void CheckLines() {
-    const YamlNode* list = ValueOf(&root_, "lines");
-    scenario_.line_places.clear();
-    if (scenario_.lines.empty() || list == nullptr) return;
-    for (const YamlNode& line : list->items) {
-      const YamlMark place = PlaceOf(line, "id");
-      scenario_.line_places.push_back(
-          fmt::format("{}:{}:{}", scenario_.file.string(), place.line, place.column));
-    }
-    if (scenario_.lines.size() > kLinesMax)
-      Complain(list->mark, fmt::format("lines: more than {}", kLinesMax));
-    if (!scenario_.has_several_clients())
-      return Complain(list->mark, "lines: a line is between two of several `clients`, and there is one");
-    // Targets of faults, each with the line that it means.
-    std::map<std::string, std::string> targets;
-    for (const faults::Target target : {faults::Target::kToClient, faults::Target::kToPlant,
-                                        faults::Target::kBoth, faults::Target::kReference})
-      targets.emplace(Name(target), "every client's own lines");
-    // Words of --client qemu.
-    for (const char* taken : {"main", "console", "hse"}) targets.emplace(taken, "a part of a board");
-    for (std::size_t i = 0; i < scenario_.lines.size(); ++i)
-      CheckLine(scenario_.lines[i], list->items[i], targets);
-  }
-
-  void CheckLine(LineEntry& line, const YamlNode& node, std::map<std::string, std::string>& targets) {
-    if (const YamlNode* between = Good(node, "between");
-        between != nullptr && between->kind == YamlNode::Kind::kSequence) {
-      const std::vector<YamlNode>& ends = between->items;
-      if (ends.size() != 2)
-        Complain(between->mark, fmt::format("between: a line has two ends, and there are {}", ends.size()));
-      else if (ends[0].text == ends[1].text)
-        Complain(between->mark,
-                 fmt::format("between: both ends are '{}': a line is between two clients", ends[0].text));
-      for (const YamlNode& item : between->items)
-        if (!Troubled(item)) CheckClient("between", item.mark, item.text);
-    }
-    if (const YamlNode* protocol = Good(node, "protocol");
-        protocol != nullptr &&
-        (protocol->kind == YamlNode::Kind::kMapping || protocol->text != kBytesAsTheyAre)) {
-      const YamlNode* root = nullptr;
-      ProtocolFile loaded;
-      fs::path file;
-      if (auto users = UsersProtocol(*protocol, root, loaded, file)) line.protocol = std::move(users);
-    }
-    if (line.id.empty()) return;
-    std::vector<std::string> own = {line.id};
-    for (const std::string& client : line.between) own.push_back(line.id + "_to_" + client);
-    if (scenario_.FindClient(line.id))
-      return Complain(node, "id", fmt::format("id: '{}' is a client", line.id));
-    for (const std::string& target : own) {
-      const auto [other, is_new] = targets.try_emplace(target, fmt::format("the line '{}'", line.id));
-      if (is_new || other->second == fmt::format("the line '{}'", line.id)) {
-        if (target != line.id || is_new) continue;
-        return Complain(node, "id", fmt::format("id: '{}' is taken already", line.id));
-      }
-      return Complain(node, "id",
-                      fmt::format("id: the target '{}' of faults already means {}: take another id", target,
-                                  other->second));
-    }
-  }
-
-  // Finds the line of a fault that acts on one between boards.
-  void CheckLineOf(faults::FaultSpec& fault, const YamlNode& node) {
-    if (fault.line.empty()) return;
-    const std::string text = TargetText(fault);
-    std::vector<std::string> valid;
-    const faults::FaultType* type = faults::FindFaultType(fault.type);
-    if (type == nullptr) return;
-    for (const faults::Target target : faults::AcceptedTargets(*type))
-      if (target != faults::Target::kNone) valid.emplace_back(Name(target));
-    for (const LineEntry& line : scenario_.lines) {
-      faults::FaultSpec found = fault;
-      found.line = line.id;
-      const auto is_it = [&](std::string_view end, faults::Target target) {
-        found.line_end = end;
-        found.target = target;
-        valid.push_back(TargetText(found));
-        return valid.back() == text;
-      };
-      bool is_found = is_it("", faults::Target::kBoth);
-      for (std::size_t end = 0; end < line.between.size() && !is_found; ++end)
-        is_found = is_it(line.between[end], end == 0 ? faults::Target::kToClient : faults::Target::kToPlant);
-      if (!is_found) continue;
-      fault = found;
-      if (const auto problem = faults::LineProblem(*type, line.protocol != nullptr))
-        Complain(node, "type", fmt::format("type: {}", *problem));
-      if (!fault.client.empty())
-        Complain(
-            node, "client",
-            fmt::format(
-                "client: the fault acts on the line '{}' between two clients; `target: {}_to_{}` is one way",
-                line.id, line.id, fault.client));
-      return;
-    }
-    Complain(node, "target", fmt::format("target: unknown value '{}'{}", text, DidYouMeanOf(text, valid)));
-  }
-
   // The protocol of the frames on which the fault acts.
   const link::Protocol& ProtocolOf(const faults::FaultSpec& fault) const {
     return scenario_.protocol_of(fault);
@@ -436,13 +283,6 @@ class Checker {
   void CheckClientNamed(const YamlNode& mapping, std::string_view path, const std::string& id) {
     if (!id.empty()) CheckClient(path.substr(path.rfind('.') + 1), PlaceOf(mapping, path), id);
   }
-  void CheckClient(std::string_view key, YamlMark mark, const std::string& id) {
-    if (scenario_.FindClient(id)) return;
-    std::vector<std::string> ids;
-    for (std::size_t i = 0; i < scenario_.client_count(); ++i) ids.push_back(scenario_.client_id(i));
-    Complain(mark, fmt::format("{}: there is no client '{}'{}", key, id, DidYouMeanOf(id, ids)));
-  }
-
   void CheckReference() {
     const YamlNode* node = ValueOf(&root_, "reference");
     if (node == nullptr || node->kind != YamlNode::Kind::kMapping) return;
@@ -546,7 +386,7 @@ class Checker {
                            other->id));
     CheckClientNamed(node, "client", fault.client);
     if (fault.type.empty()) return;  // unknown, and said so
-    CheckLineOf(scenario_.faults[i], node);
+    FindBoardLine(scenario_.faults[i], node, scenario_, problems_);
     CheckMessage(scenario_.faults[i], node);
     for (const faults::Problem& problem : faults::Validate(fault)) {
       // The reader has reported missing and unreadable values already.
@@ -623,7 +463,7 @@ class Checker {
   void CheckWaiting(std::size_t i, const YamlNode& node) {
     const faults::FaultSpec& fault = scenario_.faults[i];
     if (const YamlNode* condition = Good(node, "when"); condition != nullptr && options_.check_condition)
-      Complain("when", *condition, options_.check_condition(condition->text, scenario_));
+      ComplainFormula("when", *condition, options_.check_condition(condition->text, scenario_));
     if (!fault.after || fault.after->fault.empty() || fault.after->fault == fault.id) return;
     const faults::FaultSpec* followed = FaultNamed(fault.after->fault);
     if (followed == nullptr) {
@@ -715,10 +555,11 @@ class Checker {
 
   void CheckFormula(const YamlNode& node) {
     if (!options_.check_formula) return;
-    Complain("stl", node, options_.check_formula(node.text, scenario_));
+    ComplainFormula("stl", node, options_.check_formula(node.text, scenario_));
   }
 
-  void Complain(std::string_view key, const YamlNode& formula, const std::optional<FormulaProblem>& problem) {
+  void ComplainFormula(std::string_view key, const YamlNode& formula,
+                       const std::optional<FormulaProblem>& problem) {
     if (!problem) return;
     YamlMark mark = formula.text_begin.value_or(formula.mark);
     if (formula.text_begin) {
@@ -739,8 +580,6 @@ class Checker {
 
   const YamlNode& root_;
   const ReadOptions& options_;
-  Scenario& scenario_;
-  std::vector<YamlProblem>& problems_;
   const std::size_t first_fault_;  // in the root
   ProtocolFile protocol_;
   const YamlNode* protocol_root_ = nullptr;  // of the user's protocol
