@@ -16,10 +16,10 @@
 #include "harness/cli/search_flights.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
+#include "harness/report/activations_file.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
-#include "harness/report/json_fields.h"
 #include "harness/report/why_file.h"
 #include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
@@ -50,21 +50,13 @@ struct FailedFlight {
 
 // None: no fault acted.
 std::optional<double> FirstActivation(const std::filesystem::path& folder) {
-  const std::string jsonl = ReadFlightFile(folder / "faults.jsonl");
-  std::string_view rest = jsonl;
   std::optional<double> first_s;
-  while (!rest.empty()) {
-    const std::string_view line = rest.substr(0, rest.find('\n'));
-    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
-    if (line.empty()) continue;
-    const auto keep = [](int, Json::parse_event_t event, Json& parsed) {
-      return event != Json::parse_event_t::key || (parsed != "before" && parsed != "after");
-    };
-    const Json json = Json::parse(line, keep);
-    if (!json.contains("time_s")) continue;
-    const double time_s = json.at("time_s").get<double>();
-    first_s = std::min(first_s.value_or(time_s), time_s);
-  }
+  ReadActivations(ReadFlightFile(folder / "faults.jsonl"), ActivationBytes::kNone,
+                  [&](const KeptActivation& activation) {
+                    const double time_s = ToSeconds(activation.time_ns);
+                    first_s = std::min(first_s.value_or(time_s), time_s);
+                    return true;
+                  });
   return first_s;
 }
 

@@ -2,15 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
+#include "harness/report/activations_file.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
-#include "harness/report/json_fields.h"
 #include "harness/report/trace_file.h"
 #include "harness/score/signals.h"
 
@@ -28,53 +26,27 @@ void WithFile(const std::filesystem::path& file, const Read& read) {
   }
 }
 
-std::vector<std::uint8_t> BytesOf(const std::string& hex) {
-  if (hex.size() % 2 != 0)
-    throw std::runtime_error(
-        fmt::format("bytes with {} hexadecimal digits, not a whole number of bytes", hex.size()));
-  std::vector<std::uint8_t> bytes(hex.size() / 2);
-  for (std::size_t i = 0; i < bytes.size(); ++i) {
-    const char* digits = hex.data() + 2 * i;
-    if (std::from_chars(digits, digits + 2, bytes[i], 16).ptr != digits + 2)
-      throw std::runtime_error("bytes that are not hexadecimal");
-  }
-  return bytes;
-}
-
-std::vector<dds::Chunk> ChunksOf(const Json& json) {
+std::vector<dds::Chunk> OnTheBus(std::vector<KeptChunk> kept) {
   std::vector<dds::Chunk> chunks;
-  for (const Json& chunk : json)
-    chunks.push_back({TimeFromFile(chunk.at("begin_s").get<double>()), BytesOf(chunk.at("bytes"))});
+  for (KeptChunk& chunk : kept) chunks.push_back({chunk.begin_ns, std::move(chunk.bytes)});
   return chunks;
-}
-
-RecordedActivation ActivationOf(const Json& json) {
-  RecordedActivation recorded;
-  recorded.type = json.at("type");
-  recorded.activation.fault_id = json.at("fault");
-  recorded.activation.time_ns = TimeFromFile(json.at("time_s").get<double>());
-  recorded.activation.what = json.at("what");
-  recorded.activation.before = ChunksOf(json.at("before"));
-  recorded.activation.after = ChunksOf(json.at("after"));
-  return recorded;
 }
 
 std::vector<RecordedActivation> ActivationsOf(const std::string& jsonl, const std::string& run_id) {
   std::vector<RecordedActivation> activations;
-  std::istringstream lines(jsonl);
-  std::size_t line_number = 0;
-  for (std::string line; std::getline(lines, line);) {
-    ++line_number;
-    try {
-      const Json json = Json::parse(line);
-      if (!json.contains("time_s")) continue;  // how many were not kept
-      activations.push_back(ActivationOf(json));
-    } catch (const std::exception& error) {
-      throw std::runtime_error(fmt::format("line {}: {}", line_number, error.what()));
-    }
-    activations.back().activation.run_id = run_id;
-    activations.back().activation.sequence = static_cast<std::int64_t>(activations.size());
-  }
+  ReadActivations(jsonl, ActivationBytes::kAll, [&](KeptActivation kept) {
+    RecordedActivation recorded;
+    recorded.type = std::move(kept.type);
+    recorded.activation.run_id = run_id;
+    recorded.activation.sequence = static_cast<std::int64_t>(activations.size()) + 1;
+    recorded.activation.fault_id = std::move(kept.fault);
+    recorded.activation.time_ns = kept.time_ns;
+    recorded.activation.what = std::move(kept.what);
+    recorded.activation.before = OnTheBus(std::move(kept.before));
+    recorded.activation.after = OnTheBus(std::move(kept.after));
+    activations.push_back(std::move(recorded));
+    return true;
+  });
   return activations;
 }
 

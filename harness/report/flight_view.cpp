@@ -9,10 +9,10 @@
 #include <map>
 #include <set>
 
+#include "harness/report/activations_file.h"
 #include "harness/report/files.h"
 #include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
-#include "harness/report/json_fields.h"
 #include "harness/score/signals.h"
 #include "harness/score/stl.h"
 #include "link/check.h"
@@ -113,22 +113,14 @@ void AddTicks(const std::string& jsonl, FlightView& view) {
   std::map<std::string, std::size_t> places;
   for (std::size_t i = 0; i < view.scenario.faults.size(); ++i) places[view.scenario.faults[i].id] = i;
   std::map<std::size_t, std::size_t> told;
-  std::string_view rest = jsonl;
-  while (!rest.empty() && view.ticks.size() < kTicksMax) {
-    const std::string_view line = rest.substr(0, rest.find('\n'));
-    rest.remove_prefix(std::min(rest.size(), line.size() + 1));
-    if (line.empty()) continue;
-    // The bytes are not shown here: without them a line is parsed in no time.
-    const auto keep = [](int, Json::parse_event_t event, Json& parsed) {
-      return event != Json::parse_event_t::key || (parsed != "before" && parsed != "after");
-    };
-    const Json json = Json::parse(line, keep);
-    const auto place = places.find(json.value("fault", ""));
-    if (place == places.end() || !json.contains("time_s")) continue;
-    FaultTick tick{place->second, json.at("time_s").get<double>(), {}};
-    if (told[tick.fault]++ < kToldActivationsMax) tick.what = json.value("what", "");
+  ReadActivations(jsonl, ActivationBytes::kNone, [&](KeptActivation activation) {
+    const auto place = places.find(activation.fault);
+    if (place == places.end()) return true;
+    FaultTick tick{place->second, ToSeconds(activation.time_ns), {}};
+    if (told[tick.fault]++ < kToldActivationsMax) tick.what = std::move(activation.what);
     view.ticks.push_back(std::move(tick));
-  }
+    return view.ticks.size() < kTicksMax;
+  });
 }
 
 void AddComputed(const RunLog& log, const std::vector<TimeNs>& times_ns, FlightView& view) {
