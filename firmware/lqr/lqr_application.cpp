@@ -67,7 +67,7 @@ void LqrApplication::Receive(Uart uart, std::span<const std::uint8_t> bytes) {
       Accept(message);
     } else {
       Reference reference = reference_.value_or(Reference{});
-      TakeReference(protocol_, message, reference);
+      ReadReference(protocol_, message, reference);
       reference_ = reference;
     }
   }
@@ -161,7 +161,7 @@ void LqrApplication::Accept(const link::Message& message) {
   const bool is_own = message.type->period_ns > 0;
   if (!sensors_.Needs(*message.type) || (!is_own && !waiting_)) return;
   heard_server_ = true;
-  sensors_.Take(message);
+  sensors_.Accept(message);
   if (!is_own) awaited_[PlaceOf(*message.type)] = false;
   if (!sensors_.complete()) return;
   if (pace_ != nullptr) {
@@ -186,10 +186,10 @@ void LqrApplication::Answer(TimeNs now) {
     own_law_.Step(sensed, *reference_, inputs);
   } else {
     const bool asks = pace_ == nullptr;
-    const Turn turn = {.requested = asks ? requested_ns_ : now,
-                       .now = now,
-                       .deadline = asks ? next_period_ns_ : now + period_ns_};
-    ready_ns_ = law_->Step(turn, sensed, *reference_, inputs);
+    const ControlPeriod period = {.requested = asks ? requested_ns_ : now,
+                                  .now = now,
+                                  .deadline = asks ? next_period_ns_ : now + period_ns_};
+    ready_ns_ = law_->Step(period, sensed, *reference_, inputs);
   }
   if (*ready_ns_ <= now) SendCommand(now);
 }

@@ -46,7 +46,7 @@ struct LqrSetup {
 };
 
 // One control period, as its law sees it.
-struct Turn {
+struct ControlPeriod {
   TimeNs requested;  // when the states were asked for; without requests, when they came
   TimeNs now;
   TimeNs deadline;  // the next period begins
@@ -59,9 +59,9 @@ using Compute = std::function<TimeNs(TimeNs now, TimeNs length, TimeNs deadline)
 class CycleLaw {
  public:
   virtual ~CycleLaw() = default;
-  // Sets `command`, and returns when it leaves: turn.now or later. It is not called before that. `sensed` is as for
+  // Sets `command`, and returns when it leaves: period.now or later. It is not called before that. `sensed` is as for
   // LqrLaw::Step.
-  virtual TimeNs Step(const Turn& turn, std::span<const float> sensed, const Reference& reference,
+  virtual TimeNs Step(const ControlPeriod& period, std::span<const float> sensed, const Reference& reference,
                       std::span<float> command) = 0;
 };
 

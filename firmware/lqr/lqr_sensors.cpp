@@ -113,7 +113,7 @@ std::optional<LqrSensors::Source> LqrSensors::AngleSource(std::size_t angle) {
   return Source{.of_quaternion = angle};
 }
 
-void LqrSensors::Take(const link::Message& message) {
+void LqrSensors::Accept(const link::Message& message) {
   values_[static_cast<std::size_t>(message.type - protocol_.messages.data())] = message.values;
 }
 
@@ -158,7 +158,7 @@ std::array<float, kLqrSensedMax> LqrSensors::States() const {
   return states;
 }
 
-void TakeReference(const link::Protocol& protocol, const link::Message& message, Reference& reference) {
+void ReadReference(const link::Protocol& protocol, const link::Message& message, Reference& reference) {
   // Each field of the reference, and the signal that it comes from.
   struct Part {
     float Reference::*member;

@@ -2,7 +2,7 @@
 //
 //   LqrSensors sensors(protocol, {"x_m", "y_m"}, RatesAxes::kWorld);
 //   if (!sensors.missing().empty()) return;                   // the protocol does not carry these states
-//   sensors.Take(message);                                    // for each accepted one
+//   sensors.Accept(message);                                  // for each accepted one
 //   if (sensors.complete()) law.Step(sensors.States(), reference, command);
 //
 // States are in the axes of the vehicle: x east, y north, z up; x forward, y left, z up. Roll, pitch and yaw may come
@@ -36,7 +36,7 @@ class LqrSensors {
   bool Needs(const link::MessageType& type) const;
   bool rates_from_gyro() const { return rates_from_gyro_; }
 
-  void Take(const link::Message& message);
+  void Accept(const link::Message& message);
   // True once each message that is needed has come.
   bool complete() const;
   // In the order of the states.
@@ -73,6 +73,6 @@ class LqrSensors {
 };
 
 // A reference in the axes of the vehicle. What the message does not carry stays.
-void TakeReference(const link::Protocol& protocol, const link::Message& message, Reference& reference);
+void ReadReference(const link::Protocol& protocol, const link::Message& message, Reference& reference);
 
 }  // namespace tiltproof::firmware

@@ -17,10 +17,10 @@ class TimedLaw final : public CycleLaw {
   TimedLaw(const LqrTable& table, TimeNs length, Compute compute)
       : law_(table), length_(length), compute_(std::move(compute)) {}
 
-  TimeNs Step(const Turn& turn, std::span<const float> sensed, const Reference& reference,
+  TimeNs Step(const ControlPeriod& period, std::span<const float> sensed, const Reference& reference,
               std::span<float> command) override {
     law_.Step(sensed, reference, command);
-    return compute_(turn.now, length_, turn.deadline);
+    return compute_(period.now, length_, period.deadline);
   }
 
  private:

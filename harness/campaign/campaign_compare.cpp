@@ -48,7 +48,7 @@ void Count(PairedCounts& counts, bool first, bool second) {
 
 class Comparer {
  public:
-  void Take(const CampaignRun& a, const CampaignRun& b) {
+  void Add(const CampaignRun& a, const CampaignRun& b) {
     ++result_.runs;
     first_firmware_.insert(a.firmware);
     second_firmware_.insert(b.firmware);
@@ -125,7 +125,7 @@ CampaignComparison CompareCampaigns(const CampaignStore& first, const CampaignSt
           "with the same campaign file and seed.",
           first_name, second_name, a->number, DrawText(*a), DrawText(*b)));
     ++runs;
-    comparer.Take(*a, *b);
+    comparer.Add(*a, *b);
   });
   if (runs == 0)
     throw std::runtime_error(fmt::format("{} and {} have no run in common", first_name, second_name));

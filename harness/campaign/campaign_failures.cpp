@@ -42,7 +42,7 @@ Failing FailingOf(const CampaignStore& store) {
   MinimisedChooser chooser;
   store.ForEach([&](const CampaignRun& run) {
     if (run.signature.empty()) return;
-    if (chooser.Take(run.signature)) {
+    if (chooser.Choose(run.signature)) {
       failing.chosen.emplace(run.number, failing.failures.size());
       failing.decided.emplace(run.number, std::pair(run.criterion, run.end));
     }
@@ -179,7 +179,7 @@ class Merger {
   Merger(const Merger&) = delete;
   Merger& operator=(const Merger&) = delete;
 
-  void Take(const fs::path& shard) {
+  void Add(const fs::path& shard) {
     const CampaignStore store(shard / kStoreFile, CampaignStore::Mode::kRead);
     std::set<std::string> of_part;
     for (const auto& [key, value] : of_shard_) of_part.insert(key);
@@ -261,7 +261,7 @@ class Merger {
 void MergeCampaigns(std::span<const fs::path> shards, const fs::path& folder,
                     const std::map<std::string, std::string>& of_shard) {
   Merger merger(folder, of_shard);
-  for (const fs::path& shard : shards) merger.Take(shard);
+  for (const fs::path& shard : shards) merger.Add(shard);
   merger.Finish();
 }
 

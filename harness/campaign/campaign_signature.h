@@ -1,7 +1,7 @@
 // Signatures: in how many different ways a campaign's flights fail. Pure.
 //
 //   const std::string first = FirstSignature(run);  // "upright,diverged,clock.drift+wire.drop"
-//   if (chooser.Take(first)) Use(run);
+//   if (chooser.Choose(first)) Use(run);
 //
 // The first signature of a failure is the criterion that decided, how the flight ended, and the types of the faults that
 // were active then. Up to three flights of each are minimised; the final signature has the types that the smallest
@@ -41,7 +41,7 @@ inline constexpr std::size_t kMinimisedPerSignature = 3;
 class MinimisedChooser {
  public:
   // Failures in the order of their numbers. True: this flight is minimised.
-  bool Take(const std::string& first_signature) {
+  bool Choose(const std::string& first_signature) {
     return ++counts_[first_signature] <= kMinimisedPerSignature;
   }
 

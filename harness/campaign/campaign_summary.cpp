@@ -102,7 +102,7 @@ CampaignSummarizer::CampaignSummarizer(CampaignFrame frame, const std::vector<Ca
   }
 }
 
-void CampaignSummarizer::Take(const CampaignRun& run) {
+void CampaignSummarizer::Add(const CampaignRun& run) {
   ++flown_;
   std::optional<std::size_t> verdict;
   if (run.verdict == "pass") verdict = 0;
@@ -114,11 +114,11 @@ void CampaignSummarizer::Take(const CampaignRun& run) {
     ++firmwares_[run.firmware][*verdict];
     ++scenarios_[run.scenario][*verdict];
   }
-  TakeFaults(run, verdict);
-  if (!run.signature.empty()) TakeFailure(run);
+  AddFaults(run, verdict);
+  if (!run.signature.empty()) AddFailure(run);
 }
 
-void CampaignSummarizer::TakeFaults(const CampaignRun& run, std::optional<std::size_t> verdict) {
+void CampaignSummarizer::AddFaults(const CampaignRun& run, std::optional<std::size_t> verdict) {
   std::set<std::string> types;
   std::set<std::pair<std::string, std::size_t>> bands_of_types;
   std::set<std::size_t> bands;
@@ -145,7 +145,7 @@ void CampaignSummarizer::TakeFaults(const CampaignRun& run, std::optional<std::s
   for (const std::size_t band : bands) ++bands_[band][*verdict];
 }
 
-void CampaignSummarizer::TakeFailure(const CampaignRun& run) {
+void CampaignSummarizer::AddFailure(const CampaignRun& run) {
   const auto final = finals_.find(run.number);
   const std::string& signature = final == finals_.end() ? run.signature : final->second.signature;
   const auto [entry, is_new] = groups_.try_emplace(signature);
@@ -229,7 +229,7 @@ CampaignSummary CampaignSummarizer::Summary() const {
 
 CampaignSummary Summarize(const CampaignStore& store) {
   CampaignSummarizer summarizer(FrameOf(store), store.Failures());
-  store.ForEach([&](const CampaignRun& run) { summarizer.Take(run); });
+  store.ForEach([&](const CampaignRun& run) { summarizer.Add(run); });
   CampaignSummary summary = summarizer.Summary();
   summary.confirmed = ConfirmedOf(store);
   return summary;

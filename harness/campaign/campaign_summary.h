@@ -2,7 +2,7 @@
 // order of flying, no machine.
 //
 //   CampaignSummarizer summarizer(frame, store.Failures());
-//   store.ForEach([&](const CampaignRun& run) { summarizer.Take(run); });
+//   store.ForEach([&](const CampaignRun& run) { summarizer.Add(run); });
 //   const std::string text = ToJsonText(summarizer.Summary());
 //
 // docs/campaigns.md describes the file. Shares of flights that pass have Wilson's interval with 95 % confidence
@@ -152,7 +152,7 @@ class CampaignSummarizer {
   // `failures`: the final signatures. A failure without one counts with its first.
   CampaignSummarizer(CampaignFrame frame, const std::vector<CampaignFailure>& failures);
   // In the order of the numbers.
-  void Take(const CampaignRun& run);
+  void Add(const CampaignRun& run);
   CampaignSummary Summary() const;
 
  private:
@@ -167,8 +167,8 @@ class CampaignSummarizer {
     std::array<std::array<std::uint64_t, kBandsCount>, kPhasesCount> drawn_cells{}, cells{};
   };
 
-  void TakeFaults(const CampaignRun& run, std::optional<std::size_t> verdict);
-  void TakeFailure(const CampaignRun& run);
+  void AddFaults(const CampaignRun& run, std::optional<std::size_t> verdict);
+  void AddFailure(const CampaignRun& run);
   CampaignCoverage CoverageOf() const;
 
   CampaignFrame frame_;

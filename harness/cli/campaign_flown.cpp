@@ -36,7 +36,7 @@ KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& opti
       RunFlights(std::move(jobs), {.jobs_count = options.jobs_count,
                                    .progress = !options.no_progress,
                                    .on_finished = [&](const FlightJob& job, const FlightResult& result) {
-                                     records.at(job.name).Take(job, result);
+                                     records.at(job.name).Add(job, result);
                                    }});
   for (auto& [name, record] : records) {
     record.Finish(flown.interrupted, "not flown: the campaign was interrupted");

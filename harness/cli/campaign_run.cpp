@@ -170,7 +170,7 @@ class CampaignWork {
                             {.jobs_count = options_.jobs_count,
                              .interrupted = InterruptScope::flag(),
                              .tell = [this](const std::string& text) { Tell(text); },
-                             .on_turn = [this] { Turn(); }},
+                             .on_turn = [this] { Poll(); }},
                             [this](CampaignRun run) { return Take(std::move(run)); });
     try {
       if (!HasEnough()) flights.Fly([this] { return progress_.Next(); });
@@ -218,7 +218,7 @@ class CampaignWork {
            CampaignClock::now() - progress_.begin() >= std::chrono::duration<double>(*stop.wall_s);
   }
 
-  void Turn() {
+  void Poll() {
     const auto now = CampaignClock::now();
     if (batch_.size() >= kBatchMax || now - stored_at_ >= kBatchTime) Flush();
     Show([this] { return progress_.Text(); });
@@ -248,7 +248,7 @@ class CampaignWork {
     std::vector<std::uint64_t> runs;
     MinimisedChooser chooser;
     store_.ForEach([&](const CampaignRun& run) {
-      if (!run.signature.empty() && chooser.Take(run.signature)) runs.push_back(run.number);
+      if (!run.signature.empty() && chooser.Choose(run.signature)) runs.push_back(run.number);
     });
     std::optional<CampaignMinimiser> minimiser;
     minimiser.emplace(campaign_.plan, campaign_.means, runs,

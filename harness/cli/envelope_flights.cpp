@@ -42,7 +42,7 @@ KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<S
       {.jobs_count = options.jobs_count,
        .progress = !options.no_progress,
        .on_finished = [&](const FlightJob& job, const FlightResult& result) {
-         records.at(run_of.at(job.name)).Take(job, result);
+         records.at(run_of.at(job.name)).Add(job, result);
          ++kept.count;
          const Verdict verdict = result.score.verdict;
          // A fault that is too mild to act is survived, too: nothing is wrong.

@@ -120,8 +120,8 @@ void LivePage::Finished(const FlightJob& job, const FlightResult& result) {
   live_->Finished(number, JsonText(entry));
 }
 
-void LivePage::Turn() {
-  live_->Turn();
+void LivePage::Poll() {
+  live_->Poll();
   if (live_->wants_abort()) InterruptScope::Interrupt();
 }
 

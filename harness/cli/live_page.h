@@ -1,7 +1,7 @@
 // The live page as `run --live` and `node monitor --http` serve it.
 //
 //   LivePage page(ListenForPage(8470, "--live"), options, means, info, folder, jobs);  // before the first worker
-//   page.Finished(job, result);  ...  page.Turn();
+//   page.Finished(job, result);  ...  page.Poll();
 #pragma once
 
 #include <filesystem>
@@ -31,7 +31,7 @@ class LivePage {
   void Place(const std::string& flight, const BusPlace& place);
   void Finished(const FlightJob& job, const FlightResult& result);
   // To be called often: what the viewers ask for happens here.
-  void Turn();
+  void Poll();
   bool may_begin() const { return !waits_ || live_->wants_start(); }
 
  private:

@@ -317,14 +317,14 @@ FlownFlights Fly(const RunOptions& options, std::vector<FlightJob> jobs, const C
                                       .progress = !options.no_progress,
                                       .on_finished =
                                           [&](const FlightJob& job, const FlightResult& result) {
-                                            record.Take(job, result);
+                                            record.Add(job, result);
                                             if (live) live->Finished(job, result);
                                             console.Finished(result);
                                           },
                                       .on_turn =
                                           [&] {
                                             record.Refresh();
-                                            if (live) live->Turn();
+                                            if (live) live->Poll();
                                           },
                                       .may_begin = [&] { return !live || live->may_begin(); },
                                       .on_place =

@@ -26,7 +26,7 @@ class RunProgress {
     for (const FlightJob& job : jobs) all_s_ += ToSeconds(job.scenario.duration_ns);
   }
 
-  void Take(const FlightJob& job, const FlightResult& result) {
+  void Add(const FlightJob& job, const FlightResult& result) {
     ++done_;
     not_green_ += result.green() ? 0 : 1;
     done_s_ += ToSeconds(job.scenario.duration_ns);
@@ -61,7 +61,7 @@ FlownFlights RunFlights(std::vector<FlightJob> jobs, const RunFlightsOptions& op
                  .on_finished =
                      [&](const FlightJob& job, const FlightResult& result) {
                        line.Clear();
-                       progress.Take(job, result);
+                       progress.Add(job, result);
                        options.on_finished(job, result);
                        if (options.fail_fast && !result.green()) stop = true;
                      },

@@ -51,7 +51,7 @@ void RunRecord::NotePlace(const std::string& flight, const BusPlace& place) {
   place_taken_ = true;
 }
 
-void RunRecord::Take(const FlightJob& job, const FlightResult& result) {
+void RunRecord::Add(const FlightJob& job, const FlightResult& result) {
   KeepVerdict(folder_ / result.name, job.scenario, result, info_.keep);
   results_[open_.at(result.name)] = result;
   open_.erase(result.name);

@@ -4,7 +4,7 @@
 // is killed.
 //
 //   RunRecord record(folder, info, jobs);
-//   RunFlights(jobs, {.on_finished = [&](const auto& job, const auto& result) { record.Take(job, result); }, .on_turn = [&] { record.Refresh(); }});
+//   RunFlights(jobs, {.on_finished = [&](const auto& job, const auto& result) { record.Add(job, result); }, .on_turn = [&] { record.Refresh(); }});
 //   record.Finish(interrupted, "not flown: the run was interrupted");
 #pragma once
 
@@ -31,7 +31,7 @@ class RunRecord {
   // A flight goes on the bus.
   void NotePlace(const std::string& flight, const BusPlace& place);
   // A flight has ended.
-  void Take(const FlightJob& job, const FlightResult& result);
+  void Add(const FlightJob& job, const FlightResult& result);
   // Writes the new results, unless results were written within the last second; less often for a run so large
   // that writing takes long. Finish reports a disk that refuses.
   void Refresh();

@@ -148,7 +148,7 @@ int SessionCommand(const SessionOptions& options) {
   RunRecord record(folder, info, jobs);
   const FlownFlights flown = RunFlights(
       std::move(jobs),
-      {.on_finished = [&](const FlightJob& job, const FlightResult& result) { record.Take(job, result); }});
+      {.on_finished = [&](const FlightJob& job, const FlightResult& result) { record.Add(job, result); }});
   record.Finish(flown.interrupted, "not flown: the session was interrupted");
   if (!options.no_report) WriteReport(folder);
   if (!flown.results.empty()) talk.TellEnd(EndedLine(flown.results.front(), flight_folder));

@@ -265,7 +265,7 @@ LiveProcess::LiveProcess(const LiveSocket& socket, LiveOptions options, std::vec
 }
 
 LiveProcess::~LiveProcess() {
-  Turn();
+  Poll();
   shutdown(channel_, SHUT_WR);
   const auto until = std::chrono::steady_clock::now() + kEndLimit;
   // It closes its end when it ends.
@@ -355,10 +355,10 @@ void LiveProcess::Finished(std::size_t flight, const std::string& entry) {
 
 void LiveProcess::Tell(const std::string& line) {
   unsent_ += line + "\n";
-  Turn();
+  Poll();
 }
 
-void LiveProcess::Turn() {
+void LiveProcess::Poll() {
   while (!unsent_.empty()) {
     const ssize_t count = send(channel_, unsent_.data(), unsent_.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     if (count < 0 && errno == EINTR) continue;

@@ -5,7 +5,7 @@
 //   job.observe = [&live, i] { return live.Observe(i); };     // in the worker: rows of a lockstep flight
 //   live.Place(i, place);                                     // a flight in real time is on the bus
 //   live.Finished(i, entry);
-//   while (flying) { live.Turn(); if (live.wants_abort()) Stop(); }
+//   while (flying) { live.Poll(); if (live.wants_abort()) Stop(); }
 //
 // It ends with this object, or with its parent.
 #pragma once
@@ -60,7 +60,7 @@ class LiveProcess {
   void Place(std::size_t flight, const BusPlace& place);
   void Finished(std::size_t flight, const std::string& entry);
   // Sends what waits to be sent, and reads what the viewers pressed; never waits.
-  void Turn();
+  void Poll();
   bool wants_start() const { return wants_start_; }
   bool wants_abort() const { return wants_abort_; }
 

@@ -229,7 +229,7 @@ extern const Rotorcraft vehicle;
 extern const Options options;
 extern const bool rates_in_world;
 extern const Compute compute;
-extern const firmware::Turn turn;
+extern const firmware::ControlPeriod period;
 extern const std::array<float, 16> sensed;
 extern const Reference reference;
 extern std::array<float, 4> command;

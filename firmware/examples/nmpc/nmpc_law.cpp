@@ -111,26 +111,26 @@ void NmpcLaw::Observe(double sampled_s, const Row& state) {
   last_state_ = state;
 }
 
-TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, const Reference& reference,
-                     std::span<float> command) {
-  const double sampled_s = ToSeconds(turn.requested);
+TimeNs NmpcLaw::Step(const firmware::ControlPeriod& period, std::span<const float> sensed,
+                     const Reference& reference, std::span<float> command) {
+  const double sampled_s = ToSeconds(period.requested);
   const Row state = StateOf(sensed);
   Observe(sampled_s, state);
   while (sent_.size() > 1 && sent_[1].effect_s < sampled_s - kObserved_s) sent_.pop_front();
-  preview_.Take(ToSeconds(turn.now), reference);
-  if (computing_ && turn.now >= ready_ns_) {
+  preview_.Add(ToSeconds(period.now), reference);
+  if (computing_ && period.now >= ready_ns_) {
     planner_->Adopt();
     computing_ = false;
     has_plan_ = true;
   }
 
-  TimeNs leaves = turn.now;
+  TimeNs leaves = period.now;
   if (!computing_) {
-    const double effect_s = ToSeconds(turn.now + last_work_ns_) + kTransport_s;
+    const double effect_s = ToSeconds(period.now + last_work_ns_) + kTransport_s;
     // While a plan is late, the shifted one flies.
     std::deque<Sent> sent = sent_;
-    if (turn.now + last_work_ns_ > turn.deadline)
-      for (double at_s = ToSeconds(turn.now) + kTransport_s; at_s < effect_s; at_s += vehicle_.period_s)
+    if (period.now + last_work_ns_ > period.deadline)
+      for (double at_s = ToSeconds(period.now) + kTransport_s; at_s < effect_s; at_s += vehicle_.period_s)
         sent.push_back({at_s, ShiftedInput(at_s)});
     const Row start = Predicted(state, sampled_s, effect_s, sent);
     std::vector<PathPoint> path = preview_.Path(effect_s, planner_->lengths_s());
@@ -138,8 +138,9 @@ TimeNs NmpcLaw::Step(const firmware::Turn& turn, std::span<const float> sensed, 
     if (const double length_m = way.norm(); length_m > kWay_m)
       for (PathPoint& point : path) point.p_m -= (1 - kWay_m / length_m) * way;
     last_work_ns_ = WorkTime(planner_->Plan(start, disturbance_, effect_s, path));
-    const TimeNs ready = last_work_ns_ > 0 ? compute_(turn.now, last_work_ns_, turn.deadline) : turn.now;
-    if (ready <= turn.deadline) {
+    const TimeNs ready =
+        last_work_ns_ > 0 ? compute_(period.now, last_work_ns_, period.deadline) : period.now;
+    if (ready <= period.deadline) {
       planner_->Adopt();
       leaves = ready;
       has_plan_ = true;

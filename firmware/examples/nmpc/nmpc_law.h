@@ -1,7 +1,7 @@
 // The control law of the example: observes the vehicle, plans, and gives the first input of the plan.
 //
 //   NmpcLaw law(vehicle, options, rates_in_world, compute);
-//   TimeNs leaves = law.Step(turn, sensed, reference, command);   // once per period
+//   TimeNs leaves = law.Step(period, sensed, reference, command);   // once per period
 //
 // Four parts:
 //
@@ -40,8 +40,8 @@ class NmpcLaw final : public firmware::CycleLaw {
   // False: there is no code for this vehicle, and Step must not be called.
   bool can_fly() const { return planner_ != nullptr; }
 
-  TimeNs Step(const firmware::Turn& turn, std::span<const float> sensed, const Reference& reference,
-              std::span<float> command) override;
+  TimeNs Step(const firmware::ControlPeriod& period, std::span<const float> sensed,
+              const Reference& reference, std::span<float> command) override;
 
  private:
   using Row = std::vector<double>;

@@ -16,7 +16,7 @@ double Wrapped(double angle_rad) { return std::remainder(angle_rad, 2 * M_PI); }
 
 }  // namespace
 
-void ReferencePreview::Take(double now_s, const Reference& reference) {
+void ReferencePreview::Add(double now_s, const Reference& reference) {
   PathPoint point;
   point.p_m << reference.x_m, reference.y_m, reference.z_m;
   point.v_m_s << reference.vx_m_s, reference.vy_m_s, reference.vz_m_s;

@@ -1,7 +1,7 @@
 // The reference of the next seconds, from those that the base station has sent.
 //
 //   ReferencePreview preview;
-//   preview.Take(now_s, reference);                // in each period
+//   preview.Add(now_s, reference);                // in each period
 //   const auto path = preview.Path(now_s, lengths_s);   // at now, and after each length
 //
 // The last velocities give the rate at which the level velocity turns and grows. A path that turns at a constant rate,
@@ -25,7 +25,7 @@ struct PathPoint {
 class ReferencePreview {
  public:
   // The reference in force at the time.
-  void Take(double now_s, const Reference& reference);
+  void Add(double now_s, const Reference& reference);
   // The first point is at `now_s`. One reference or more must have been taken.
   std::vector<PathPoint> Path(double now_s, const std::vector<double>& lengths_s) const;
 

@@ -83,7 +83,7 @@ bool IsPortPath(const char* path) {
   return false;
 }
 
-void TakeBytes(int uart, const unsigned char* bytes, std::size_t count) {
+void ReceiveBytes(int uart, const unsigned char* bytes, std::size_t count) {
   if (uart >= kPorts) return;
   const Port& port = ports[uart];
   if (port.open_count == 0) return;

@@ -16,7 +16,7 @@ namespace tiltproof::preload {
 // The path of each UART's port, which need not exist. Returns null, or what went wrong.
 const char* MakePorts(const char* path, const char* reference_path);
 // Bytes that have arrived. Those for a port that is not open are lost, as are those that find it full.
-void TakeBytes(int uart, const unsigned char* bytes, std::size_t count);
+void ReceiveBytes(int uart, const unsigned char* bytes, std::size_t count);
 
 // The UART behind a descriptor; -1: it is no port.
 int PortOf(long descriptor);

@@ -50,7 +50,7 @@ __attribute__((constructor)) void Begin() {
   RefuseIf(MakePorts(port, reference_port));
   // A flight ends at once, and a line that the program has printed is kept.
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
-  BeginThreads({TakeBytes, ExpireTimers, NextTimer}, FirstGrant(TakeBytes));
+  BeginThreads({ReceiveBytes, ExpireTimers, NextTimer}, FirstGrant(ReceiveBytes));
   RefuseIf(ReplaceSharedPage(VirtualClockGettime, VirtualGettimeofday, VirtualTime));
   RefuseIf(SetTrap({.call = Dispatch, .tick = CheckProgress, .cycles = [] {
                       Refuse(

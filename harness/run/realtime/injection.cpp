@@ -13,7 +13,7 @@ constexpr TimeNs kLeadNs = 40 * kNsPerMs;
 
 }  // namespace
 
-std::optional<RunEvent> Injector::Turn(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell) {
+std::optional<RunEvent> Injector::Poll(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell) {
   if (injections_ == nullptr) return std::nullopt;
   const auto text = injections_->next();
   if (!text) return std::nullopt;

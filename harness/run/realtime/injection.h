@@ -2,7 +2,7 @@
 // into the scenario that is flown.
 //
 //   Injector injector(options.injections);
-//   const auto event = injector.Turn(scenario, running, now, tell);               // in the harness
+//   const auto event = injector.Poll(scenario, running, now, tell);               // in the harness
 //   fault.start_ns = KeptBegin(scenario, fault.start_ns, done_until_ns);  // in the node where it acts, which answers it
 //
 // A command can come late. So the node where the fault acts answers from when on it acts: from the time that the harness
@@ -48,7 +48,7 @@ class Injector {
 
   // Takes a requested fault, at simulation time `now_ns`: checks it, tells the nodes, adds it to `scenario` as it acts,
   // and answers. Returns the event, at the time of the begin.
-  std::optional<RunEvent> Turn(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell);
+  std::optional<RunEvent> Poll(Scenario& scenario, bool running, TimeNs now_ns, const Tell& tell);
 
  private:
   const Injections* injections_;

@@ -66,7 +66,7 @@ class RealtimeConductor {
   }
   // Turns the loop until `done`; false when the limit is over first. Checks on every turn that everybody lives.
   bool Await(milliseconds limit, const std::function<bool()>& done);
-  void Turn();
+  void Poll();
   void WatchMembers();
   void OnStates();
   TimeNs Now() const;
@@ -299,12 +299,12 @@ bool RealtimeConductor::Await(milliseconds limit, const std::function<bool()>& d
   const auto until = SteadyClock::now() + limit;
   while (!done()) {
     if (SteadyClock::now() >= until) return false;
-    Turn();
+    Poll();
   }
   return true;
 }
 
-void RealtimeConductor::Turn() {
+void RealtimeConductor::Poll() {
   if (options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed) &&
       (!ending_.ended() || ending_.reason() != EndReason::kInterrupted))
     throw Interrupted{};
@@ -407,7 +407,7 @@ void RealtimeConductor::WatchMembers() {
 void RealtimeConductor::FlyToTheEnd() {
   const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(StartWait(scenario_));
   while (!ending_.ended()) {
-    Turn();
+    Poll();
     Inject();
     if (running_) node_faults_.CarryOut(Now(), MeansOfNodeFaults());
     const auto now = SteadyClock::now();
@@ -439,7 +439,7 @@ void RealtimeConductor::Inject() {
       begins.insert(begins.end(), ack.begins_ns.begin(), ack.begins_ns.end());
     return begins;
   };
-  if (const auto event = injector_.Turn(scenario_, running_, Now(), tell))
+  if (const auto event = injector_.Poll(scenario_, running_, Now(), tell))
     collector_.log().Write({event->time_ns, {}, record::Event{event->kind, event->text}});
 }
 

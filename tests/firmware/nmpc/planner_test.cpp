@@ -76,7 +76,7 @@ TEST(ReferencePreviewTest, ContinuesASpiralExactly) {
                      .vz_m_s = 0.2F};
   };
   ReferencePreview preview;
-  for (int i = 0; i <= 20; ++i) preview.Take(0.012 * i, at(0.012 * i));
+  for (int i = 0; i <= 20; ++i) preview.Add(0.012 * i, at(0.012 * i));
   const auto path = preview.Path(0.24, {0.1, 0.4, 0.5});
   ASSERT_EQ(path.size(), 4U);
   const std::array<double, 4> times = {0.24, 0.34, 0.74, 1.24};
@@ -91,8 +91,8 @@ TEST(ReferencePreviewTest, ContinuesASpiralExactly) {
 
 TEST(ReferencePreviewTest, AJumpHasNoFuture) {
   ReferencePreview preview;
-  preview.Take(0, {.vx_m_s = 1});
-  preview.Take(0.012, {.x_m = 5, .vy_m_s = 1});
+  preview.Add(0, {.vx_m_s = 1});
+  preview.Add(0.012, {.x_m = 5, .vy_m_s = 1});
   const auto path = preview.Path(0.012, {1});
   EXPECT_NEAR(path[1].p_m[0], 5, 1e-6);
   EXPECT_NEAR(path[1].p_m[1], 1, 1e-6);

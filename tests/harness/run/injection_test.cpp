@@ -39,7 +39,7 @@ class InjectionTest : public FaultFile {
 
   std::optional<RunEvent> Inject(const std::string& fault, TimeNs now_ns, const Injector::Tell& tell) {
     wishes_.push_back(fault);
-    return injector_.Turn(scenario_, true, now_ns, tell);
+    return injector_.Poll(scenario_, true, now_ns, tell);
   }
 
   std::deque<std::string> wishes_;
