@@ -40,7 +40,8 @@ void RefuseTemplate(const path& file, const std::string& text) {
   const path output = file.extension() == ".jinja" ? file.stem() : file.filename();
   throw VehicleError(file, line,
                      fmt::format("a jinja template, not SDF. Convert it with the tool of PX4's "
-                                 "sitl_gazebo-classic: `python3 scripts/jinja_gen.py {} {} --output-file {}`",
+                                 "sitl_gazebo-classic: `python3 scripts/jinja_gen.py {} {} --output-file {}` "
+                                 "(in Debian 12, with the packages python3-jinja2 and python3-numpy)",
                                  file.string(), file.has_parent_path() ? file.parent_path().string() : ".",
                                  output.string()));
 }
@@ -54,8 +55,9 @@ void RefuseTemplate(const path& file, const std::string& text) {
   throw VehicleError(file, root.GetLineNum(),
                      fmt::format("not an SDF file: the root is <robot>, not <sdf>. Convert this {}: `{}` "
                                  "(in Debian 12, `gz sdf` is `ign sdf` of the packages ignition-tools and "
-                                 "libsdformat-dev)",
-                                 is_xacro ? "xacro file" : "URDF file", command));
+                                 "libsdformat-dev{})",
+                                 is_xacro ? "xacro file" : "URDF file", command,
+                                 is_xacro ? "; `xacro` is not in Debian, but in ROS and on PyPI" : ""));
 }
 
 // Worlds hold vehicles among other things.

@@ -520,11 +520,12 @@ TEST_F(VehicleFolder, OtherFormatsAreRefusedWithTheCommandThatConvertsThem) {
   EXPECT_THAT(Error("arm.urdf"), AllOf(HasSubstr("URDF"), HasSubstr("`gz sdf -p "), HasSubstr("> arm.sdf`"),
                                        HasSubstr("ignition-tools")));
   Write("arm.xacro", "<robot xmlns:xacro='http://ros.org/wiki/xacro' name='arm'/>");
-  EXPECT_THAT(Error("arm.xacro"), AllOf(HasSubstr("`xacro "), HasSubstr("&& gz sdf -p arm.urdf > arm.sdf`")));
+  EXPECT_THAT(Error("arm.xacro"),
+              AllOf(HasSubstr("`xacro "), HasSubstr("&& gz sdf -p arm.urdf > arm.sdf`"), HasSubstr("PyPI")));
   Write("iris.sdf.jinja", "<sdf version='1.6'>\n{% set mass = 1 %}<model name='iris'/></sdf>");
   EXPECT_THAT(Error("iris.sdf.jinja"),
               AllOf(HasSubstr("iris.sdf.jinja:2: a jinja template"), HasSubstr("jinja_gen.py"),
-                    HasSubstr("--output-file iris.sdf`")));
+                    HasSubstr("--output-file iris.sdf`"), HasSubstr("python3-jinja2")));
   Write("world.sdf",
         "<sdf version='1.6'><world name='w'><include><uri>model://x500</uri></include></world></sdf>");
   EXPECT_THAT(Error("world.sdf"), AllOf(HasSubstr("a world"), HasSubstr("name the vehicle's own file"),
