@@ -75,6 +75,10 @@ struct Reset {};
 struct Hang {};
 extern const struct Command { std::variant<Reset, Hang> action; } command;
 
+// link/posix_regex.h
+extern const examples::Function Report;
+extern std::string_view line;
+
 // link/protocol.h
 extern const Protocol& protocol;
 extern const examples::Function Answer;

@@ -405,6 +405,9 @@ extern TimeNs limit_ns;
 #include "harness/reference/trajectory.h"
 extern const Trajectory trajectory;
 
+// harness/report/activations_file.h
+#include "harness/report/flight_hashes.h"
+
 // harness/report/why_file.h
 extern const std::filesystem::path folder;
 extern const examples::Function Draw;
