@@ -180,26 +180,24 @@ FlightJob Probed() {
   return job;
 }
 
-// Two levels of each type that may depart, at each of its places.
+// Two levels of each type that may depart, at the first of its places.
 std::vector<FlightJob> LevelsOfAllTypes() {
   const FlightJob base = Probed();
   std::vector<FlightJob> jobs;
   for (const faults::FaultType& type : faults::FaultTypes()) {
     if (!type.has_severity()) continue;
-    for (const EnvelopeRow& row : EnvelopeRows(type, base.model->signals())) {
-      FlightJob job = base;
-      job.scenario = WithRow(base.scenario, row, base.model->signals());
-      const Severity severity = SeverityOf(job.scenario, 1, base.model->signals());
-      job.departure = Departure{.trunk = type.name.data() + row.place + row.side, .fault = 1};
-      if (!CanDepart(job)) continue;
-      for (const double share : {0.02, 0.3}) {
-        double level = severity.range.start + share * (severity.range.end - severity.range.start);
-        if (severity.range.whole) level = std::round(level);
-        FlightJob at = job;
-        at.scenario = AtLevel(job.scenario, 1, severity, level);
-        at.name = fmt::format("{} {}", job.departure->trunk, share);
-        jobs.push_back(at);
-      }
+    FlightJob job = base;
+    job.scenario =
+        WithRow(base.scenario, EnvelopeRows(type, base.model->signals()).front(), base.model->signals());
+    const Severity severity = SeverityOf(job.scenario, 1, base.model->signals());
+    job.departure = Departure{.trunk = std::string(type.name), .fault = 1};
+    if (!CanDepart(job)) continue;
+    for (const double share : {0.02, 0.3}) {
+      double level = severity.range.start + share * (severity.range.end - severity.range.start);
+      if (severity.range.whole) level = std::round(level);
+      FlightJob& at = jobs.emplace_back(job);
+      at.scenario = AtLevel(job.scenario, 1, severity, level);
+      at.name = fmt::format("{} {}", type.name, share);
     }
   }
   return jobs;
@@ -229,7 +227,7 @@ TEST(Departure, IsTheFlightFromTheBeginning) {
   const std::vector<FlightJob> jobs = LevelsOfAllTypes();
   std::set<std::string> layers;
   for (const FlightJob& job : jobs) layers.insert(job.scenario.faults[1].type.substr(0, 3));
-  EXPECT_EQ(layers.size(), 6u) << "wire, frame, link, sensor, actuator, plant";
+  EXPECT_EQ(layers.size(), 7u) << "wire, frame, link, sensor, actuator, plant, harness";
   std::vector<FlightJob> whole = jobs;
   for (FlightJob& job : whole) job.departure.reset();
   std::size_t trunks_max = 0;
