@@ -12,6 +12,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -32,6 +33,11 @@ namespace tiltproof::faults {
 inline constexpr std::size_t kWhatBytesMax = 4000;
 
 using link::LineRate;
+
+// An open fault (FaultSchedule::Give) has to act: it was given too late.
+struct OpenFaultActs : std::logic_error {
+  OpenFaultActs() : std::logic_error("a fault acts before it is given") {}
+};
 
 // A wire model's knowledge besides the chunk.
 struct WireContext {

@@ -22,7 +22,9 @@ inline constexpr std::size_t kActivationsBytesMax = std::size_t{32} << 20;
 
 class Recorder {
  public:
-  explicit Recorder(std::size_t fault_count) : counts_(fault_count, 0), bytes_(fault_count, 0) {}
+  // `keeps`: false where nothing reads the records.
+  explicit Recorder(std::size_t fault_count, bool keeps = true)
+      : keeps_(keeps), counts_(fault_count, 0), bytes_(fault_count, 0) {}
 
   // One fault more.
   void Grow() {
@@ -31,7 +33,7 @@ class Recorder {
   }
   bool Keeps(std::size_t fault) const {
     CheckIndex(fault, counts_.size(), "an activation belongs to a known fault");
-    return counts_[fault] < kActivationsMax;
+    return keeps_ && counts_[fault] < kActivationsMax;
   }
   // Counts one activation of that many bytes. `make` returns the record, an Activation or a BootActivation,
   // and is called only if the record is kept, or is the fault's first.
@@ -68,6 +70,7 @@ class Recorder {
   std::vector<Activation> Take(Origin origin);
 
  private:
+  bool keeps_;
   std::vector<std::int64_t> counts_;
   std::vector<std::size_t> bytes_;  // of what was kept
   std::vector<std::variant<BootActivation, Activation>> kept_;

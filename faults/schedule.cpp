@@ -52,11 +52,12 @@ struct ReceiverInjector {
 struct FaultSchedule::State {
   State(std::size_t fault_count, std::uint64_t seed_in, const Place& place)
       : protocol(place.protocol),
-        recorder(fault_count),
+        recorder(fault_count, place.use.keeps_activations),
         seed(seed_in),
         client(place.client),
         line(place.line),
-        grows(place.grows) {
+        grows(place.use.grows),
+        open(place.use.open) {
     for (WireFaults& wire : wires) {
       wire.SetRecorder(&recorder);
       if (grows) wire.Grow();
@@ -88,8 +89,13 @@ struct FaultSchedule::State {
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
       const auto index = static_cast<std::size_t>(direction);
       wires[index].Add(entry.fault, entry.spec, kind, activities[entry.fault], entry.parameters, entry.seed,
-                       direction, rates[index], *protocol);
+                       direction, rates[index], *protocol, entry.fault == open);
     }
+  }
+  void Give(const WireKind& kind, const Entry& entry) {
+    for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type)))
+      wires[static_cast<std::size_t>(direction)].Give(entry.fault, entry.spec, kind, entry.parameters,
+                                                      entry.seed, direction, *protocol);
   }
   void Add(const ReceiverKind& kind, const Entry& entry) {
     for (const Direction direction : DirectionsOf(ResolvedTarget(entry.spec, entry.type))) {
@@ -106,13 +112,30 @@ struct FaultSchedule::State {
   }
   template <class Kind>
   void AddToVehicle(const Kind& kind, const Entry& entry) {
-    if (vehicle)
-      vehicle->Add(kind, {entry.fault, activities[entry.fault], entry.trigger, entry.parameters,
-                          StreamKey(entry.seed, {entry.spec.id, "model"})});
+    if (vehicle) vehicle->Add(kind, VehicleEntry(entry));
+  }
+  template <class Kind>
+  void GiveToVehicle(const Kind& kind, const Entry& entry) {
+    if (vehicle) vehicle->Give(kind, VehicleEntry(entry));
+  }
+  VehicleFaults::Entry VehicleEntry(const Entry& entry) const {
+    return {entry.fault,
+            activities[entry.fault],
+            entry.trigger,
+            entry.parameters,
+            StreamKey(entry.seed, {entry.spec.id, "model"}),
+            entry.fault == open};
   }
   void Add(const SensorKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
   void Add(const ActuatorKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
   void Add(const PlantKind& kind, const Entry& entry) { AddToVehicle(kind, entry); }
+  void Give(const SensorKind& kind, const Entry& entry) { GiveToVehicle(kind, entry); }
+  void Give(const ActuatorKind& kind, const Entry& entry) { GiveToVehicle(kind, entry); }
+  void Give(const PlantKind& kind, const Entry& entry) { GiveToVehicle(kind, entry); }
+  template <class Kind>
+  void Give(const Kind& /*kind*/, const Entry& /*entry*/) {
+    Check(false, "a fault that is open edits what passes");
+  }
   // Commands act elsewhere.
   void Add(const NodeKind& /*kind*/, const Entry& /*entry*/) {}
   void Add(const DeviceKind& /*kind*/, const Entry& /*entry*/) {}
@@ -147,6 +170,7 @@ struct FaultSchedule::State {
   const std::string client;  // empty: the only one
   const std::string line;    // between boards; empty: the clients' own
   const bool grows;
+  std::optional<std::size_t> open;
   std::deque<FaultSpec> added;
 };
 
@@ -188,6 +212,17 @@ void FaultSchedule::Add(const FaultSpec& spec) {
   state_->recorder.Grow();
   if (!state_->ActsHere(kept)) return;
   std::visit([&](const auto& kind) { state_->Add(kind, {fault, kept, type, state_->seed}); }, type.kind);
+}
+
+void FaultSchedule::Give(const FaultSpec& spec) {
+  Check(state_->open.has_value(), "a fault is given to a schedule in which one is open");
+  const std::size_t fault = *std::exchange(state_->open, std::nullopt);
+  const FaultType& type = ValidType(spec);
+  const FaultSpec& kept = state_->added.emplace_back(spec);
+  Check(state_->recorder.counts()[fault] == 0, "an open fault has not acted");
+  state_->activities[fault] = Activity(kept, WindowOf(kept));
+  if (!state_->ActsHere(kept)) return;
+  std::visit([&](const auto& kind) { state_->Give(kind, {fault, kept, type, state_->seed}); }, type.kind);
 }
 
 std::vector<FaultEvent> FaultSchedule::PollEvents() {

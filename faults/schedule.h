@@ -33,6 +33,13 @@
 
 namespace tiltproof::faults {
 
+// The use that a flight makes of its schedules.
+struct ScheduleUse {
+  bool grows = false;                    // Add() will be called
+  bool keeps_activations = true;         // false: they are only counted, because nothing reads them
+  std::optional<std::size_t> open = {};  // the fault that Give() gives
+};
+
 class FaultSchedule {
  public:
   // The part of the flight in which these faults act.
@@ -48,7 +55,7 @@ class FaultSchedule {
     // The client that the faults belong to; faults of another client do not act here. Empty: the flight's
     // only client.
     std::string_view client = {};
-    bool grows = false;  // Add() will be called
+    ScheduleUse use = {};
     // The line between boards that the faults belong to; the others do not act here. Empty: the lines of a client.
     // `kToPlant` is then the way to its second end, `kToClient` that to its first.
     std::string_view line = {};
@@ -64,6 +71,9 @@ class FaultSchedule {
   // it behind the others, if its window begins after all that has passed so far. Only in a schedule that grows. Throws as
   // the constructor does.
   void Add(const FaultSpec& spec);
+  // The open fault, before its window begins. It acts as if the schedule had been made with it. It differs from the
+  // fault that it replaces only in its parameters and its window's end, and it edits what passes.
+  void Give(const FaultSpec& spec);
 
   // The filter of one direction; null when no fault acts there, and none can come. Lives as long as the schedule, even if that
   // is moved.

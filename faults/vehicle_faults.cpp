@@ -97,8 +97,9 @@ std::unique_ptr<SensorModel> MakeSensorModel(const SensorKind& kind, const Signa
 
 void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
   const SignalSetup setup{entry.parameters, signals_, entry.stream};
-  const Sensor& sensor =
-      sensors_.emplace_back(Sensor{Injector(entry), kind.always_counts, MakeSensorModel(kind, setup)});
+  const Sensor& sensor = sensors_.emplace_back(
+      Sensor{Injector(entry), kind.always_counts, entry.open ? nullptr : MakeSensorModel(kind, setup)});
+  if (entry.open) return;
   for (const Past& past : samples_) {
     Random random(KeyOf(sensor.stream, past.number));
     sensor.model->Pass(past.values, {past.time_ns, past.number, past.period_ns, *sensor.activity, random});
@@ -106,8 +107,9 @@ void VehicleFaults::Add(const SensorKind& kind, const Entry& entry) {
 }
 
 void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {
-  const Actuator& actuator = actuators_.emplace_back(
-      Actuator{Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+  const Actuator& actuator = actuators_.emplace_back(Actuator{
+      Injector(entry), entry.open ? nullptr : kind.make({entry.parameters, signals_, entry.stream})});
+  if (entry.open) return;
   for (const Past& past : inputs_) {
     Random random(KeyOf(actuator.stream, past.number));
     actuator.model->Pass(past.values, ContextOf(past.time_ns, past.number, actuator, random));
@@ -115,7 +117,41 @@ void VehicleFaults::Add(const ActuatorKind& kind, const Entry& entry) {
 }
 
 void VehicleFaults::Add(const PlantKind& kind, const Entry& entry) {
-  bodies_.push_back({Injector(entry), kind.make({entry.parameters, signals_, entry.stream})});
+  bodies_.push_back(
+      {Injector(entry), entry.open ? nullptr : kind.make({entry.parameters, signals_, entry.stream})});
+}
+
+void VehicleFaults::Give(const SensorKind& kind, const Entry& entry) {
+  for (Sensor& sensor : sensors_) {
+    if (sensor.fault != entry.fault) continue;
+    sensor.model = MakeSensorModel(kind, {entry.parameters, signals_, entry.stream});
+    for (const Past& past : std::exchange(passed_open_, {})) {
+      Random random(KeyOf(sensor.stream, past.number));
+      sensor.model->Pass(past.values, {past.time_ns, past.number, past.period_ns, *sensor.activity, random});
+    }
+  }
+}
+
+void VehicleFaults::Give(const ActuatorKind& kind, const Entry& entry) {
+  for (Actuator& actuator : actuators_) {
+    if (actuator.fault != entry.fault) continue;
+    actuator.model = kind.make({entry.parameters, signals_, entry.stream});
+    for (const Past& past : std::exchange(passed_open_, {})) {
+      Random random(KeyOf(actuator.stream, past.number));
+      actuator.model->Pass(past.values, ContextOf(past.time_ns, past.number, actuator, random));
+    }
+  }
+}
+
+void VehicleFaults::Give(const PlantKind& kind, const Entry& entry) {
+  for (Body& body : bodies_) {
+    if (body.fault != entry.fault) continue;
+    body.model = kind.make({entry.parameters, signals_, entry.stream});
+    for (const Past& past : std::exchange(passed_open_, {})) {
+      Random random(KeyOf(body.stream, past.number));
+      body.model->Pass(ContextOf(past.time_ns, past.number, body, random));
+    }
+  }
 }
 
 // No model of a sensor or actuator looks back further than 10 s (`delay_ms`).
@@ -143,9 +179,13 @@ void VehicleFaults::EditSensors(TimeNs t, std::span<double> values, BootTime boo
     Random random(KeyOf(sensor.stream, number));
     const SampleContext context{t, number, period_ns, *sensor.activity, random};
     if (!sensor.activity->Contains(t) || !sensor.trigger.Picks(number)) {
-      sensor.model->Pass(values, context);
+      if (sensor.model == nullptr)
+        PassOpen(t, period_ns, number, values);
+      else
+        sensor.model->Pass(values, context);
       continue;
     }
+    if (sensor.model == nullptr) throw OpenFaultActs();
     values_before_.assign(values.begin(), values.end());
     const std::span<const double> before = values_before_, after = values;
     sensor.model->Act(values, context);
@@ -180,9 +220,13 @@ void VehicleFaults::EditInput(TimeNs t, std::span<double> input, bool new_comman
     Random random(KeyOf(actuator.stream, number));
     const StepContext context = ContextOf(t, number, actuator, random);
     if (!inside || !actuator.picked) {
-      actuator.model->Pass(input, context);
+      if (actuator.model == nullptr)
+        PassOpen(t, step_ns_, number, input);
+      else
+        actuator.model->Pass(input, context);
       continue;
     }
+    if (actuator.model == nullptr) throw OpenFaultActs();
     input_before_.assign(input.begin(), input.end());
     const std::span<const double> before = input_before_, after = input;
     actuator.model->Act(input, context);
@@ -206,10 +250,15 @@ Disturbance VehicleFaults::DisturbanceOf(TimeNs t) {
     Disturbance own;
     Random random(KeyOf(body.stream, number));
     const StepContext context = ContextOf(t, number, body, random);
-    if (body.activity->Contains(t) && body.trigger.Picks(number))
+    const bool acts = body.activity->Contains(t) && body.trigger.Picks(number);
+    if (body.model == nullptr) {
+      if (acts) throw OpenFaultActs();
+      PassOpen(t, step_ns_, number, {});
+    } else if (acts) {
       own = body.model->Act(context);
-    else
+    } else {
       body.model->Pass(context);
+    }
     const bool begins = own != Disturbance{} && !body.disturbed;
     body.disturbed = own != Disturbance{};
     if (!body.disturbed) continue;

@@ -28,6 +28,7 @@ class VehicleFaults {
     Trigger trigger;
     const Parameters& parameters;
     std::uint64_t stream;  // of the model's draws, one generator per sample or step
+    bool open = false;     // it has no model yet
   };
 
   // `signals` and `recorder` must outlive it. `grows`: faults are added in flight, and have seen the past.
@@ -37,6 +38,10 @@ class VehicleFaults {
   void Add(const SensorKind& kind, const Entry& entry);
   void Add(const ActuatorKind& kind, const Entry& entry);
   void Add(const PlantKind& kind, const Entry& entry);
+  // The model of a fault that was added as an open one.
+  void Give(const SensorKind& kind, const Entry& entry);
+  void Give(const ActuatorKind& kind, const Entry& entry);
+  void Give(const PlantKind& kind, const Entry& entry);
 
   // Like the functions of FaultSchedule with these names.
   void EditSensors(TimeNs t, std::span<double> values, BootTime boot_time);
@@ -73,6 +78,9 @@ class VehicleFaults {
     std::vector<double> values;
   };
   void Keep(std::deque<Past>& past, Past&& latest) const;
+  void PassOpen(TimeNs time_ns, TimeNs period_ns, std::uint64_t number, std::span<const double> values) {
+    passed_open_.push_back({time_ns, period_ns, number, {values.begin(), values.end()}});
+  }
 
   // Rounds the values that have 32 bits when they are sent.
   void RoundToLine(std::span<double> values) const;
@@ -85,6 +93,7 @@ class VehicleFaults {
   Recorder& recorder_;
   const bool grows_;
   std::deque<Past> samples_, inputs_;
+  std::vector<Past> passed_open_;  // by the open fault
   std::vector<Sensor> sensors_;
   std::vector<Actuator> actuators_;
   std::vector<Body> bodies_;

@@ -23,33 +23,51 @@ std::size_t Weight(std::span<const link::Chunk> chunks) {
 
 void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
                      const Parameters& parameters, std::uint64_t seed, link::Direction direction,
-                     const LineRate& rate, const link::Protocol& protocol) {
+                     const LineRate& rate, const link::Protocol& protocol, bool open) {
   const std::string_view way = link::Name(direction);
   const std::uint64_t stream = StreamKey(seed, {spec.id, "model", way});
   std::optional<std::uint8_t> message;
   if (const link::MessageType* type = FindMessage(protocol, spec.message))
     message = static_cast<std::uint8_t>(type - protocol.messages.data());
-  Injector injector{
-      .fault = fault,
-      .layer = kind.wire_layer,
-      .activity = &activity,
-      .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way}), message),
-      .stream = stream,
-      .rate = rate,
-      .remembers = kind.remembers,
-      .acts_on_overlap = kind.acts_on_overlap,
-      .sends_back = kind.sends_back,
-      .model = kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction})};
+  Injector injector{.fault = fault,
+                    .layer = kind.wire_layer,
+                    .activity = &activity,
+                    .trigger = Trigger(spec, StreamKey(seed, {spec.id, "trigger", way}), message),
+                    .stream = stream,
+                    .rate = rate,
+                    .remembers = kind.remembers,
+                    .acts_on_overlap = kind.acts_on_overlap,
+                    .sends_back = kind.sends_back,
+                    .model = nullptr};
+  if (!open)
+    injector.model =
+        kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction});
   // No model of a later layer depends on frames before its window.
   for (const link::Chunk& past : past_) {
     const bool sees = injector.layer == WireLayer::kFrame && injector.trigger.Sees(past.message);
-    if (!injector.remembers || !sees) continue;
+    if (!injector.remembers || !sees || open) continue;
     out_.clear();
     injector.model->Pass(link::Chunk(past), out_);
     injector.model->Release(out_);
   }
   const auto later = [&](const Injector& other) { return other.layer > injector.layer; };
   injectors_.insert(std::find_if(injectors_.begin(), injectors_.end(), later), std::move(injector));
+}
+
+void WireFaults::Give(std::size_t fault, const FaultSpec& spec, const WireKind& kind,
+                      const Parameters& parameters, std::uint64_t seed, link::Direction direction,
+                      const link::Protocol& protocol) {
+  for (Injector& injector : injectors_) {
+    if (injector.fault != fault) continue;
+    const std::uint64_t events = StreamKey(seed, {spec.id, "events", link::Name(direction)});
+    injector.model = kind.make({parameters, injector.rate, events, protocol, direction});
+    for (link::Chunk& passed : passed_open_) {
+      out_.clear();
+      injector.model->Pass(std::move(passed), out_);
+      injector.model->Release(out_);
+    }
+  }
+  passed_open_.clear();
 }
 
 void WireFaults::Apply(std::vector<link::Chunk>& chunks) {
@@ -85,7 +103,7 @@ void WireFaults::Remember(const std::vector<link::Chunk>& chunks) {
 
 std::size_t WireFaults::held_bytes() const {
   std::size_t bytes = 0;
-  for (const Injector& injector : injectors_) bytes += injector.model->held_bytes();
+  for (const Injector& injector : injectors_) bytes += HeldBy(injector);
   return bytes;
 }
 
@@ -99,7 +117,7 @@ std::vector<std::size_t> WireFaults::Multipliers() const {
 std::vector<std::size_t> WireFaults::Holders() const {
   std::vector<std::size_t> faults;
   for (const Injector& injector : injectors_)
-    if (injector.delayed || injector.model->held_bytes() > 0) faults.push_back(injector.fault);
+    if (injector.delayed || HeldBy(injector) > 0) faults.push_back(injector.fault);
   return faults;
 }
 
@@ -136,6 +154,11 @@ void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
   for (link::Chunk& chunk : chunks) {
     if (!picked(chunk)) {
       if (injector.remembers && injector.trigger.Sees(chunk.message)) {
+        if (injector.model == nullptr) {
+          passed_open_.push_back(chunk);
+          out_.push_back(std::move(chunk));
+          continue;
+        }
         injector.model->Pass(std::move(chunk), out_);
         injector.model->Release(out_);
       } else {
@@ -155,6 +178,7 @@ void WireFaults::Run(Injector& injector, std::vector<link::Chunk>& chunks) {
 }
 
 void WireFaults::ActAndRecord(Injector& injector, link::Chunk&& chunk, Random& random) {
+  if (injector.model == nullptr) throw OpenFaultActs();
   before_ = chunk;
   const std::size_t out_begin = out_.size(), back_begin = sent_back_.size();
   std::string what;

@@ -23,10 +23,13 @@ namespace tiltproof::faults {
 class WireFaults final : public link::ChunkFilter {
  public:
   // Adds a fault, which acts after those of its layer and of the layers before. `activity` and `protocol` must
-  // outlive it.
+  // outlive it. `open`: it has no model yet.
   void Add(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Activity& activity,
            const Parameters& parameters, std::uint64_t seed, link::Direction direction, const LineRate& rate,
-           const link::Protocol& protocol);
+           const link::Protocol& protocol, bool open = false);
+  // The model of a fault that was added as an open one.
+  void Give(std::size_t fault, const FaultSpec& spec, const WireKind& kind, const Parameters& parameters,
+            std::uint64_t seed, link::Direction direction, const link::Protocol& protocol);
   bool empty() const { return injectors_.empty(); }
 
   // Faults are added in flight, and have seen the frames that passed before.
@@ -65,12 +68,15 @@ class WireFaults final : public link::ChunkFilter {
     bool remembers;
     bool acts_on_overlap;
     bool sends_back;
-    std::unique_ptr<WireModel> model;
+    std::unique_ptr<WireModel> model;  // null: the fault is open
     bool multiplied = false, delayed = false, returned = false;
     std::array<std::uint64_t, kDecisions> pick{};  // of a frame that is picked, from 1; 0: not picked
     std::uint64_t pick_count = 0;
   };
 
+  static std::size_t HeldBy(const Injector& injector) {
+    return injector.model == nullptr ? 0 : injector.model->held_bytes();
+  }
   void Remember(const std::vector<link::Chunk>& chunks);
   void Decide(Injector& injector, const link::Chunk& sent) const;
   void Run(Injector& injector, std::vector<link::Chunk>& chunks);
@@ -84,6 +90,7 @@ class WireFaults final : public link::ChunkFilter {
   bool grows_ = false;
   std::deque<link::Chunk> past_;  // as they left the first layer, for its models that remember
   std::size_t past_bytes_ = 0;
+  std::vector<link::Chunk> passed_open_;  // by the open fault
 };
 
 }  // namespace tiltproof::faults

@@ -181,7 +181,7 @@ void EnvelopeSearch::FindRows() {
   }
   FindMargins(trials_, tasks,
               {.tolerance = options_.tolerance,
-               .at_once_count = 4 * static_cast<std::size_t>(options_.flights.jobs_count) + 4,
+               .at_once_count = 2 * static_cast<std::size_t>(options_.flights.jobs_count) + 2,
                .on_done = [&](std::size_t task, const Margin& margin) {
                  EnvelopeSearchRow& row = plan_.rows[places[task]];
                  Found(row, margin);

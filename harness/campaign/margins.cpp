@@ -46,6 +46,7 @@ class Searches {
     FlightJob job = of.job;
     job.name += fmt::format(" with {} {}", of.severity.parameter, level);
     job.scenario = AtLevel(of.job.scenario, of.fault, of.severity, level);
+    job.departure = Departure{.trunk = of.job.name, .fault = of.fault};
     trials_.Start(job, [this, task, level](const TrialResult& result) { Take(task, level, result); });
   }
 
@@ -63,6 +64,7 @@ class Searches {
       search.margin.unknown = result;
       search.margin.unknown_level = level;
     }
+    trials_.Forget(tasks_[task].job.name);
     margins_[task] = search.margin;
     options_.on_done(task, search.margin);
     BeginOne();

@@ -13,6 +13,12 @@ std::string WhyUnknown(const TrialResult& unknown) {
                      unknown.verdict == Verdict::kError ? "an error" : Name(unknown.verdict), unknown.reason);
 }
 
+namespace {
+
+constexpr const char* kSeedOfTrunk = ", seed ";
+
+}  // namespace
+
 Trials::Trials(FlightsOptions options, int seeds_count)
     : options_(std::move(options)),
       seeds_count_(static_cast<std::size_t>(seeds_count)),
@@ -34,9 +40,14 @@ void Trials::Start(const FlightJob& job, Done done) {
 void Trials::Submit(std::uint64_t number, const Trial& trial, std::size_t place) {
   FlightJob seeded = trial.job;
   seeded.scenario.seed += place;
+  if (seeded.departure) seeded.departure->trunk += fmt::format("{}{}", kSeedOfTrunk, seeded.scenario.seed);
   seeded.name = fmt::format("{}, seed {}", trial.job.name, seeded.scenario.seed);
   flights_[seeded.name] = {number, place};
   engine_.Submit(std::move(seeded));
+}
+
+void Trials::Forget(const std::string& trunk) {
+  engine_.DropTrunks([&](const std::string& name) { return name.starts_with(trunk + kSeedOfTrunk); });
 }
 
 void Trials::Fly() {

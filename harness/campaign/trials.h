@@ -52,8 +52,10 @@ class Trials {
   // `seeds_count`: from the scenario's seed on.
   explicit Trials(FlightsOptions options, int seeds_count = 5);
 
-  // `done` is called in Fly(), and may start further trials.
+  // `done` is called in Fly(), and may start further trials. Trials whose jobs name the same trunk share one for each seed,
+  // until Forget().
   void Start(const FlightJob& job, Done done);
+  void Forget(const std::string& trunk);
   // Until nothing is left to fly, or it is interrupted or stopped.
   void Fly();
   // Ends Fly(): what waits is not flown.

@@ -8,6 +8,7 @@
 #include <csignal>
 #include <utility>
 
+#include "harness/engine/trunk.h"
 #include "harness/engine/worker.h"
 
 namespace tiltproof::harness {
@@ -16,6 +17,8 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 
 constexpr int kTurn_ms = 100;
+// Each holds a few MiB and two descriptors.
+constexpr std::size_t kTrunksMax = 160;
 
 }  // namespace
 
@@ -33,7 +36,10 @@ void Engine::Poll() {
     if (const auto place = worker.PollPlace()) options_.on_place(flying->flight.job.name, *place);
     if (auto result = worker.Look(flying->flight.job, options_.tell, interrupted())) {
       Flight flight = std::move(flying->flight);
-      if (worker.waits() && !waiting_.empty()) free_.push_back(std::move(flying->worker));
+      if (worker.waits() && !worker.trunk().empty())
+        trunks_.push_back(std::move(flying->worker));
+      else if (worker.waits() && !waiting_.empty())
+        free_.push_back(std::move(flying->worker));
       flying = flying_.erase(flying);
       Finish(flight, std::move(*result));
     } else if (worker.left_flight()) {
@@ -45,6 +51,7 @@ void Engine::Poll() {
       ++flying;
     }
   }
+  if (flying_.empty() && waiting_.empty()) trunks_.clear();
 }
 
 void Engine::StartWhatFits() {
@@ -64,20 +71,40 @@ void Engine::StartWhatFits() {
 }
 
 std::string Engine::Begin(Flying& flying) {
-  const FlightJob& job = flying.flight.job;
+  FlightJob& job = flying.flight.job;
   const std::uint64_t number = flying.flight.number;
-  const auto free = std::find_if(free_.begin(), free_.end(),
-                                 [&](const auto& worker) { return worker->CanGoOn(job, number); });
-  if (free != free_.end()) {
-    flying.worker = std::move(*free);
-    free_.erase(free);
+  const auto goes_on = [&](std::vector<std::unique_ptr<WorkerProcess>>& workers) {
+    const auto found = std::find_if(workers.begin(), workers.end(),
+                                    [&](const auto& worker) { return worker->CanGoOn(job, number); });
+    if (found == workers.end()) return false;
+    flying.worker = std::move(*found);
+    workers.erase(found);
     flying.worker->GoOn(job, number);
-    return {};
-  }
+    return true;
+  };
+  if (job.departure && goes_on(trunks_)) return {};
+  if (!MayBeginTrunk(job)) job.departure.reset();
+  if (!job.departure && goes_on(free_)) return {};
   flying.worker = std::make_unique<WorkerProcess>();
   return flying.worker->Start(
       job, options_.interrupted,
       {.numbers_end = numbers_end_, .find = [this](std::uint64_t wanted) { return FindWaiting(wanted); }});
+}
+
+// A flight whose trunk is under way, or has no room, is flown from the beginning.
+bool Engine::MayBeginTrunk(const FlightJob& job) const {
+  if (!CanDepart(job)) return false;
+  std::size_t count = trunks_.size();
+  for (const Flying& flying : flying_) {
+    if (flying.worker == nullptr || flying.worker->trunk().empty()) continue;
+    if (flying.worker->trunk() == job.departure->trunk) return false;
+    ++count;
+  }
+  return count < kTrunksMax;
+}
+
+void Engine::DropTrunks(const std::function<bool(const std::string& name)>& drop) {
+  std::erase_if(trunks_, [&](const auto& trunk) { return drop(trunk->trunk()); });
 }
 
 const FlightJob* Engine::FindWaiting(std::uint64_t number) const {

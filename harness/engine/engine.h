@@ -54,10 +54,15 @@ class Engine {
   void Poll();
   // Nothing is in flight, and nothing waits that may still begin.
   bool idle() const { return flying_.empty() && (waiting_.empty() || interrupted()); }
+  // Ends the trunks that wait for flights and whose names `drop` picks.
+  void DropTrunks(const std::function<bool(const std::string& name)>& drop);
   // Lets what has not begun never begin: their futures throw std::future_error. Returns their names.
   std::vector<std::string> DropWaiting();
   // The same for those that `drop` picks.
   void DropWaiting(const std::function<bool(const FlightJob&)>& drop);
+
+  // The trunks that wait for flights.
+  std::size_t trunks_count() const { return trunks_.size(); }
 
   struct Progress {
     std::string name;
@@ -83,6 +88,7 @@ class Engine {
   void StartWhatFits();
   // Empty, or why it did not begin.
   std::string Begin(Flying& flying);
+  bool MayBeginTrunk(const FlightJob& job) const;
   const FlightJob* FindWaiting(std::uint64_t number) const;
   void Wait();
   void Finish(Flight& flight, FlightResult result);
@@ -90,7 +96,8 @@ class Engine {
   Options options_;
   std::deque<Flight> waiting_;
   std::list<Flying> flying_;
-  std::vector<std::unique_ptr<WorkerProcess>> free_;  // wait for a flight
+  std::vector<std::unique_ptr<WorkerProcess>> free_;    // wait for a flight
+  std::vector<std::unique_ptr<WorkerProcess>> trunks_;  // likewise
   std::uint64_t numbers_end_ = 0;
   bool forwarded_ = false;  // the interrupt, to the workers
 };

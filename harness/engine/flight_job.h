@@ -45,11 +45,18 @@ struct FlightMeans {
   std::string client_text() const { return attach ? "attached" : ToText(clients.all); }
 };
 
-// Writes a flight to the disk. Both functions run in its worker process, and may throw: then its result is an error.
+// Writes a flight to the disk. Both functions run in its worker process, and may throw: then its result is an error. Without
+// `end` nothing reads the flight's activations, and only their counts are kept.
 struct FlightRecorder {
-  std::function<void(const Scenario&)> begin = [](const auto&) {};  // before it
-  std::function<void(const Scenario&, const RunLog&, const FlightResult&)> end =
-      [](const auto&, const auto&, const auto&) {};  // after it
+  std::function<void(const Scenario&)> begin = {};                                    // before it
+  std::function<void(const Scenario&, const RunLog&, const FlightResult&)> end = {};  // after it
+};
+
+// The flight departs from a trunk (harness/engine/trunk.h). Flights of one trunk are equal but for their names, and for this
+// fault's parameters and the end of its window.
+struct Departure {
+  std::string trunk;      // its name, among the trunks of an engine
+  std::size_t fault = 0;  // its place in the scenario
 };
 
 struct FlightJob {
@@ -75,6 +82,8 @@ struct FlightJob {
   std::optional<Future> future = {};
   // Futures that are flown beside it, of a library in lockstep.
   std::optional<FutureForks> forks = {};
+  // It may depart from a trunk. Its result is the same.
+  std::optional<Departure> departure = {};
 };
 
 FlightResult ErrorResult(const FlightJob& job, const std::string& reason);

@@ -12,24 +12,18 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
-#include <iterator>
 #include <stdexcept>
 #include <utility>
 
 #include "faults/random.h"
 #include "harness/client/firmware_guard.h"
+#include "harness/engine/process_state.h"
 
 namespace tiltproof::harness {
 namespace {
 
 // Exit codes of a copy.
 constexpr int kDrew = 0, kDrewNothing = 3;
-
-std::ptrdiff_t ThreadCount() {
-  return std::distance(std::filesystem::directory_iterator("/proc/self/task"),
-                       std::filesystem::directory_iterator());
-}
 
 }  // namespace
 

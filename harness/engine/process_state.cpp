@@ -7,6 +7,7 @@
 
 #include <cstdlib>
 #include <filesystem>
+#include <iterator>
 #include <string_view>
 #include <system_error>
 #include <utility>
@@ -24,6 +25,11 @@ constexpr std::array kLimits = {std::pair{RLIMIT_FSIZE, std::string_view("RLIMIT
                                 std::pair{RLIMIT_MEMLOCK, std::string_view("RLIMIT_MEMLOCK")}};
 
 }  // namespace
+
+std::size_t ThreadCount() {
+  return static_cast<std::size_t>(std::distance(std::filesystem::directory_iterator("/proc/self/task"),
+                                                std::filesystem::directory_iterator()));
+}
 
 ProcessState::ProcessState() {
   std::error_code none;

@@ -10,10 +10,14 @@
 #include <sys/types.h>
 
 #include <array>
+#include <cstddef>
 #include <string>
 #include <vector>
 
 namespace tiltproof::harness {
+
+// The number of this process's threads.
+std::size_t ThreadCount();
 
 class ProcessState {
  public:

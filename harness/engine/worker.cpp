@@ -24,6 +24,7 @@
 #include "harness/client/firmware_files.h"
 #include "harness/dds/domain_slot.h"
 #include "harness/engine/process_state.h"
+#include "harness/engine/trunk.h"
 #include "harness/process/orphans.h"
 #include "harness/run/archive.h"
 #include "harness/run/client_parameters.h"
@@ -81,10 +82,18 @@ RunLog FlyOrFork(const FlightJob& job, FlightOptions options, const std::atomic<
   return ForkedFutures(*job.forks, job.scenario, judge, interrupted).Fly(std::move(options), fly);
 }
 
+void PrintHowToDebug(const ClientSpec& spec, const ClientSettings& settings, const DebugStop& stop) {
+  const auto dialect = DialectOf(*settings.protocol);
+  Print(stderr, "tiltproof: {}\n",
+        std::holds_alternative<EmulatedImage>(spec)
+            ? HowToDebugImage(FirmwareFile(spec, settings.firmware, dialect).string(), stop)
+            : HowToDebugLibrary(stop));
+}
+
 // `score` makes the result, which a flight in real time announces before it leaves the bus.
 // `drawn_before`: as FlyOrFork() sets it.
 // `client`: what must not end before the flight is judged. `flown`: gets the changes of a steered flight.
-RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report,
+RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report, int channel,
                   const std::atomic<bool>* interrupted,
                   const std::function<const FlightResult&(const RunLog&)>& score,
                   const Injections* injections, std::uint64_t& drawn_before,
@@ -138,24 +147,15 @@ RunLog FlyByMeans(const FlightJob& job, Scenario& flown, WorkerReport& report,
     settings.lines.faulty = settings.lines.faulty || job.steer;
     settings.parameters = [&] { return ClientParameters(scenario, *job.model); };
     const ClientSpec& spec = processes.clients.front();
-    if (means.debug)
-      Print(
-          stderr, "tiltproof: {}\n",
-          std::holds_alternative<EmulatedImage>(spec)
-              ? HowToDebugImage(FirmwareFile(spec, settings.firmware, DialectOf(*settings.protocol)).string(),
-                                *means.debug)
-              : HowToDebugLibrary(*means.debug));
+    if (means.debug) PrintHowToDebug(spec, settings, *means.debug);
     return MakeClient(spec, settings, std::move(host));
   };
   const std::unique_ptr<RecordSink> observer = job.observe ? job.observe() : nullptr;
   options.observer = observer.get();
-  return FlyOrFork(job, std::move(options), interrupted, drawn_before);
-}
-
-// A firmware may fork, and its copy of this process fly on. There is one flight, and one result: that of the process which the
-// engine has started.
-void EndCopyOf(pid_t worker) {
-  if (getpid() != worker) _Exit(0);
+  options.keeps_activations = job.recorder.end || observer != nullptr;
+  if (!job.departure) return FlyOrFork(job, std::move(options), interrupted, drawn_before);
+  const auto fly = [&](const FlightOptions& chosen) { return Fly(scenario, *job.model, chosen); };
+  return Trunk(job, report, channel, interrupted).Fly(options, fly, flown, drawn_before);
 }
 
 // A firmware that has changed what the flight's results depend on has failed, however it flew.
@@ -169,9 +169,9 @@ void BlameForChanges(const ProcessState& before, RunLog& log) {
 }
 
 // `before`: of this process, where the firmware runs in it. `cut_short`: set when a signal ended the flight.
-FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
-                    const std::optional<ProcessState>& before, std::unique_ptr<Client>& client,
-                    bool& cut_short) {
+FlightResult FlyJob(const FlightJob& job, WorkerReport& report, int channel,
+                    const std::atomic<bool>* interrupted, const std::optional<ProcessState>& before,
+                    std::unique_ptr<Client>& client, bool& cut_short) {
   Scenario scenario = job.scenario;  // as flown: with what is injected
   std::optional<Injections> injections;
   if (job.means.realtime && job.injections) {
@@ -189,10 +189,9 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     return *result;
   };
   std::uint64_t drawn_before = faults::Random::DrawnCount();
-  const pid_t worker = getpid();
-  RunLog log = FlyByMeans(job, scenario, report, interrupted, score, injections ? &*injections : nullptr,
-                          drawn_before, client);
-  EndCopyOf(worker);
+  RunLog log = FlyByMeans(job, scenario, report, channel, interrupted, score,
+                          injections ? &*injections : nullptr, drawn_before, client);
+  report.EndOthers();
   if (before) BlameForChanges(*before, log);
   // Flights of several processes draw elsewhere.
   const bool drew_here = !job.means.realtime && !job.means.distributed && !scenario.has_several_clients();
@@ -215,26 +214,27 @@ FlightResult FlyJob(const FlightJob& job, WorkerReport& report, const std::atomi
     }
   report.progress_ns.fetch_add(1, std::memory_order_relaxed);
   try {
-    if (job.steer || scenario.faults.size() > job.scenario.faults.size()) job.recorder.begin(scenario);
-    job.recorder.end(scenario, log, *result);
+    const bool changed = job.steer || scenario.faults.size() > job.scenario.faults.size();
+    if (changed && job.recorder.begin) job.recorder.begin(scenario);
+    if (job.recorder.end) job.recorder.end(scenario, log, *result);
   } catch (const std::exception& error) {
     throw RecordingError(error.what());
   }
   return std::move(*result);
 }
 
-WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, const std::atomic<bool>* interrupted,
-                          std::unique_ptr<Client>& client) {
+WorkerResult FlyAndRecord(const FlightJob& job, WorkerReport& report, int channel,
+                          const std::atomic<bool>* interrupted, std::unique_ptr<Client>& client) {
   WorkerResult done;
   std::optional<ProcessState> before;
   if (job.means.FirmwareInWorker(job.scenario)) before.emplace();
   try {
     try {
-      job.recorder.begin(job.scenario);
+      if (job.recorder.begin) job.recorder.begin(job.scenario);
     } catch (const std::exception& error) {
       throw RecordingError(error.what());
     }
-    done.result = FlyJob(job, report, interrupted, before, client, done.cut_short);
+    done.result = FlyJob(job, report, channel, interrupted, before, client, done.cut_short);
   } catch (const RecordingError& error) {
     done.recording_trouble = error.what();
     done.result = ErrorResult(job, fmt::format("the flight's results are missing: {}", error.what()));
@@ -284,9 +284,8 @@ bool WriteAll(int descriptor, std::span<const std::uint8_t> bytes) {
 bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
                     const std::atomic<bool>* interrupted) {
   std::unique_ptr<Client> client;
-  const pid_t worker = getpid();
-  const WorkerResult done = FlyAndRecord(job, report, interrupted, client);
-  EndCopyOf(worker);
+  const WorkerResult done = FlyAndRecord(job, report, channel, interrupted, client);
+  report.EndOthers();
   const std::vector<std::uint8_t> packed = Pack(done.result);
   const std::uint64_t size = packed.size() + 1;
   std::vector<std::uint8_t> message(sizeof size + size);
@@ -305,8 +304,8 @@ bool FlyAndHandOver(const FlightJob& job, WorkerReport& report, int channel,
 }
 
 // The job that the parent gives to this process next. It ends this process when it has none.
-const FlightJob* AskForNext(int channel, const KnownJobs& known) {
-  if (!WriteAll(channel, std::array{kAsksForNext})) return nullptr;
+const FlightJob* NextOf(const KnownJobs& known, int channel) {
+  if (!AskForNext(channel)) return nullptr;
   std::uint64_t number = 0;
   ssize_t count = -1;
   do {
@@ -328,6 +327,12 @@ std::optional<WorkerResult> ReadWorkerResult(std::span<const std::uint8_t> bytes
 bool AsksForNext(std::span<const std::uint8_t> bytes) {
   const auto size = BodySize(bytes);
   return size && bytes.size() > sizeof *size + *size;
+}
+
+bool AskForNext(int channel) { return WriteAll(channel, std::array{kAsksForNext}); }
+
+void WorkerReport::EndOthers() const {
+  if (getpid() != flier) _Exit(0);
 }
 
 void WorkerReport::SetPlace(const BusPlace& place) {
@@ -353,13 +358,21 @@ void Work(const FlightJob& first, WorkerReport& report, int channel, const std::
     return interrupted != nullptr && interrupted->load(std::memory_order_relaxed);
   };
   const FlightJob* job = &first;
+  FlightJob next;
+  const pid_t worker = getpid();
   do {
+    report.flier = worker;
     report.begun = true;
     if (!FlyAndHandOver(*job, report, channel, interrupted)) _exit(kExitWithoutResult);
-    const bool goes_on =
-        job->means.SharesWorker(job->scenario) && !FirmwareGuard::HasLeftCalls() && !is_interrupted();
-    job = goes_on ? AskForNext(channel, known) : nullptr;
-  } while (job != nullptr && !is_interrupted());
+    // A process in which a flight has departed is a copy.
+    const bool goes_on = !job->departure && job->means.SharesWorker(job->scenario) &&
+                         !FirmwareGuard::HasLeftCalls() && !is_interrupted();
+    const FlightJob* given = goes_on ? NextOf(known, channel) : nullptr;
+    if (given == nullptr) break;
+    next = *given;
+    next.departure.reset();
+    job = &next;
+  } while (!is_interrupted());
   // No destructors or exit handlers: they may be the firmware library's.
   _exit(0);
 }

@@ -23,7 +23,13 @@ struct WorkerReport {
   std::atomic<std::int64_t> progress_ns{0};
   // A worker that has flown before takes its next flight later than that was given to it.
   std::atomic<bool> begun{true};
+  // The process that flies.
+  std::atomic<int> flier{0};
   FirmwareGuard::Watched firmware;
+
+  // Ends this process if it is not the one that flies. A firmware may fork, and its copy of this process fly on. There is
+  // one flight, and one result: that of the process which the engine, or its worker, has started.
+  void EndOthers() const;
 
   // Where the flight is on the bus: set by the worker before it goes there, once.
   void SetPlace(const BusPlace& place);
@@ -60,6 +66,9 @@ struct KnownJobs {
 // Nothing is thrown: the parent's objects in this process must not be destroyed.
 [[noreturn]] void Work(const FlightJob& job, WorkerReport& report, int channel,
                        const std::atomic<bool>* interrupted, const KnownJobs& known) noexcept;
+
+// Writes to the parent that the worker can fly another flight. False: it cannot be reached.
+bool AskForNext(int channel);
 
 // Exit code of a worker that could not hand over its result.
 inline constexpr int kExitWithoutResult = 77;

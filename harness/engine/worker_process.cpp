@@ -17,6 +17,7 @@
 #include <cstring>
 #include <utility>
 
+#include "harness/engine/trunk.h"
 #include "harness/engine/worker.h"
 #include "harness/process/orphans.h"
 
@@ -87,12 +88,15 @@ std::string WorkerProcess::Start(const FlightJob& job, const std::atomic<bool>* 
   KeepChild(pid_);
   pidfd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));
   known_numbers_end_ = known.numbers_end;
+  if (job.departure) trunk_ = job.departure->trunk;
   Begin(job);
   return {};
 }
 
 bool WorkerProcess::CanGoOn(const FlightJob& job, std::uint64_t number) const {
-  return waits_ && number < known_numbers_end_ && job.means.SharesWorker(job.scenario);
+  if (!waits_) return false;
+  if (!trunk_.empty()) return job.departure && job.departure->trunk == trunk_;
+  return number < known_numbers_end_ && job.means.SharesWorker(job.scenario);
 }
 
 void WorkerProcess::GoOn(const FlightJob& job, std::uint64_t number) {
@@ -101,7 +105,12 @@ void WorkerProcess::GoOn(const FlightJob& job, std::uint64_t number) {
   report_->begun = false;
   Begin(job);
   // When it is gone, Look() finds that.
-  send(channel_, &number, sizeof number, MSG_NOSIGNAL);
+  if (trunk_.empty()) {
+    send(channel_, &number, sizeof number, MSG_NOSIGNAL);
+  } else {
+    const std::vector<std::uint8_t> fault = GivenFault(job);
+    send(channel_, fault.data(), fault.size(), MSG_NOSIGNAL);
+  }
 }
 
 void WorkerProcess::Begin(const FlightJob& job) {
@@ -232,6 +241,9 @@ FlightResult WorkerProcess::Collect(const FlightJob& job, int status,
       lost.events.push_back({ToSeconds(progress_ns()), std::string(kLostEvent), std::nullopt, ""});
       return lost;
     }
+    // A trunk knows the job with which it began.
+    done->result.name = job.name;
+    done->result.replay = job.replay;
     if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
       tell(fmt::format(
           "warning: {}: after the flight, which counts as it was, its process did not end in order{}",

@@ -41,6 +41,8 @@ class WorkerProcess {
   // True if it waits for a flight, and this is one that it can be given.
   bool CanGoOn(const FlightJob& job, std::uint64_t number) const;
   void GoOn(const FlightJob& job, std::uint64_t number);
+  // The name of the trunk that it flies; empty: it flies whole flights.
+  const std::string& trunk() const { return trunk_; }
   // Reads what it says and watches it. The result, once the process has ended or waits for a flight; `tell` gets lines
   // for a person. `interrupted`: whether the end of the flights was asked for.
   std::optional<FlightResult> Look(const FlightJob& job, const std::function<void(const std::string&)>& tell,
@@ -76,6 +78,7 @@ class WorkerProcess {
   int pidfd_ = -1;
   int channel_ = -1;                     // a socket: results come in, numbers of jobs go out
   std::uint64_t known_numbers_end_ = 0;  // of jobs that it has a copy of
+  std::string trunk_;
   bool waits_ = false;
   bool left_flight_ = false;
   // State of the present flight.

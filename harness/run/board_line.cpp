@@ -12,25 +12,27 @@ namespace {
 using link::Direction;
 
 faults::FaultSchedule FaultsOf(const Scenario& scenario, std::size_t line,
-                               const std::shared_ptr<const link::Protocol>& protocol, bool grows) {
+                               const std::shared_ptr<const link::Protocol>& protocol,
+                               const faults::ScheduleUse& use) {
   const LineEntry& entry = scenario.lines.at(line);
   faults::FaultSchedule::Place place{.baud = entry.baud, .reference_baud = entry.baud};
   place.protocol = protocol;
   place.step_ns = scenario.step_ns;
   place.line = entry.id;
-  place.grows = grows;
+  place.use = use;
   return {scenario.faults, scenario.seed_of_line(line), place};
 }
 
 }  // namespace
 
-BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool grows)
+BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink,
+                     const faults::ScheduleUse& use)
     : id_(scenario.lines.at(line).id),
       ends_(scenario.lines[line].between),
       protocol_(scenario.lines[line].protocol == nullptr ? link::RawProtocol()
                                                          : scenario.lines[line].protocol),
       rate_(scenario.lines[line].rate()),
-      faults_(FaultsOf(scenario, line, protocol_, grows)),
+      faults_(FaultsOf(scenario, line, protocol_, use)),
       // A client that runs on may be a byte time ahead of the others (Conductor::Horizon).
       to_first_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(0), *protocol_,
                 faults_.Filter(DirectionTo(0))),

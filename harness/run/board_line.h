@@ -27,8 +27,9 @@ namespace tiltproof::harness {
 
 class BoardLine {
  public:
-  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line. `grows`: Add() will be called.
-  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool grows = false);
+  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line. `use`: of its schedule of faults.
+  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink,
+            const faults::ScheduleUse& use = {});
   // Not movable: its wires hold its address.
   BoardLine(const BoardLine&) = delete;
   BoardLine& operator=(const BoardLine&) = delete;

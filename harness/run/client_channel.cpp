@@ -39,13 +39,13 @@ std::vector<faults::DeviceCommand> ClientCommands(const Scenario& scenario, std:
 }
 
 ClientChannel::ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                             Callbacks callbacks, std::vector<LinePort> ports, bool grows)
+                             Callbacks callbacks, std::vector<LinePort> ports, const faults::ScheduleUse& use)
     : scenario_(scenario),
       index_(client),
       line_(line),
       ports_(std::move(ports)),
       callbacks_(std::move(callbacks)),
-      faults_(ClientFaults(scenario, client, nullptr, grows)),
+      faults_(ClientFaults(scenario, client, nullptr, use)),
       records_(sink, client),
       commands_(ClientCommands(scenario, client)),
       reference_talk_(*scenario.link.protocol) {}

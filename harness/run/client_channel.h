@@ -47,9 +47,9 @@ class ClientChannel {
   };
 
   // `client`: its place in the scenario. `sink`: gets the records of the client; the lines have their own. `ports`: its
-  // UARTs from 2 on. `grows`: Add() will be called.
+  // UARTs from 2 on. `use`: of its schedule of faults.
   ClientChannel(const Scenario& scenario, std::size_t client, Line& line, RecordSink& sink,
-                Callbacks callbacks, std::vector<LinePort> ports = {}, bool grows = false);
+                Callbacks callbacks, std::vector<LinePort> ports = {}, const faults::ScheduleUse& use = {});
   // Not movable: the client holds its address.
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
@@ -82,6 +82,9 @@ class ClientChannel {
 
   // One more fault of the scenario, by its place there, at the receiver or on the board. Only in a channel that grows.
   void Add(const faults::FaultSpec& fault, std::size_t place);
+
+  // The open fault of the channel's use (FaultSchedule::Give), on the receiver's side.
+  void Give(const faults::FaultSpec& fault) { faults_.Give(fault); }
 
   // Events of the faults on the line, the receiver and the board: what other faults wait for, and what these
   // faults wait for.

@@ -31,11 +31,17 @@ class OwnDraws {
   OwnDraws& operator=(const OwnDraws&) = delete;
 };
 
-// The parts in this process that a steered flight changes.
-struct SteeredParts {
+// The parts in this process, which a steered flight or a future changes.
+struct LocalParts {
   LocalPlantServer& server;
   std::deque<LocalLine>& lines;
 };
+
+faults::ScheduleUse UseOf(const FlightOptions& options) {
+  return {.grows = static_cast<bool>(options.steer),
+          .keeps_activations = options.keeps_activations,
+          .open = options.open};
+}
 
 // A window cannot say so.
 void NeverBegins(faults::FaultSpec& fault) {
@@ -51,9 +57,9 @@ void NeverBegins(faults::FaultSpec& fault) {
 // Counts in boot time.
 class Conductor final : private SteeredFlight {
  public:
-  // `steered`: null unless the options steer.
+  // `parts`: null where they are in other processes; then the flight is not steered and has no open fault.
   Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,
-            const FlightOptions& options, const SteeredParts* steered);
+            const FlightOptions& options, const LocalParts* parts);
   RunLog Run();
 
  private:
@@ -148,8 +154,9 @@ class Conductor final : private SteeredFlight {
   std::vector<Role> roles_;  // of each client
   std::size_t moment_ = 0;   // of FlightOptions::moments, the next
   bool departed_ = false;    // the future of the options has begun
-  const SteeredParts* steered_;
-  TimeNs end_ns_;  // of the flight
+  const LocalParts* parts_;
+  const LocalParts* steered_;  // null: it is not steered
+  TimeNs end_ns_;              // of the flight
   bool stopped_ = false;
   BootTime steered_at_ns_;
   // For the steersman: a row, and the watched variables of all clients.
@@ -157,7 +164,7 @@ class Conductor final : private SteeredFlight {
 };
 
 Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server,
-                     LogBuilder& log, const FlightOptions& options, const SteeredParts* steered)
+                     LogBuilder& log, const FlightOptions& options, const LocalParts* parts)
     : scenario_(scenario),
       options_(options),
       server_(server),
@@ -166,10 +173,11 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       counts_(lines.size()),
       log_(log),
       faults_wait_(std::any_of(scenario.faults.begin(), scenario.faults.end(), faults::WaitsForEvent)),
-      steered_(steered),
+      parts_(parts),
+      steered_(options.steer ? parts : nullptr),
       end_ns_(scenario.end_ns()) {
   for (std::size_t line = 0; line < scenario.lines.size(); ++line)
-    board_lines_.emplace_back(scenario, line, log, steered != nullptr);
+    board_lines_.emplace_back(scenario, line, log, UseOf(options));
   const auto ports_of = [&](std::size_t client) {
     std::vector<LinePort> ports;
     for (const LineEndId& id : scenario.line_ends_of(client))
@@ -182,7 +190,7 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
         ClientChannel::Callbacks{
             .on_news = [this] { ForwardEvents(); },
             .before_ahead = [this](const ClientChannel& channel, BootTime at) { FollowAhead(channel, at); }},
-        ports_of(client), steered != nullptr));
+        ports_of(client), UseOf(options)));
   for (const BoardLine& line : board_lines_) shortest_byte_ns_ = std::min(shortest_byte_ns_, line.ByteTime());
   std::swap(in_turn_.front(), in_turn_[scenario.selected_client()]);
   roles_.resize(lines.size());
@@ -201,6 +209,8 @@ RunLog Conductor::Run() {
     Conduct();
   } catch (const FirmwareTrouble& trouble) {
     EndBy(trouble);
+  } catch (const faults::OpenFaultActs&) {
+    throw;
   } catch (const std::exception& error) {
     if (!in_turn_.back()->exists() && !in_turn_.back()->is_lost()) throw;
     End(EndReason::kHarnessError, error.what());
@@ -325,6 +335,11 @@ void Conductor::Become(const Future& future) {
   for (ClientChannel& channel : channels_) channel.Hear(cuts);
   for (BoardLine& line : board_lines_) line.Hear(cuts);
   faults::Random::Redraw(future.draw);
+  if (!future.given) return;
+  Check(parts_ != nullptr && board_lines_.empty(), "a fault is given to a flight in one process");
+  parts_->server.Give(*future.given);
+  for (LocalLine& line : parts_->lines) line.Give(*future.given);
+  for (ClientChannel& channel : channels_) channel.Give(*future.given);
 }
 
 // True if the flight ends before the events at `now`.
@@ -605,10 +620,10 @@ RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const Fli
   const bool steers = static_cast<bool>(options.steer);
   Check(!steers || options.flown != nullptr, "a steered flight tells what was flown");
   LogBuilder log(steers ? *options.flown : scenario, signals, options.observer);
-  LocalLines lines(scenario, log, steers);
-  LocalPlantServer server(scenario, model, log, steers);
-  const SteeredParts steered{server, lines.local()};
-  return Conductor(scenario, lines.all(), server, log, options, steers ? &steered : nullptr).Run();
+  LocalLines lines(scenario, log, UseOf(options));
+  LocalPlantServer server(scenario, model, log, UseOf(options));
+  const LocalParts parts{server, lines.local()};
+  return Conductor(scenario, lines.all(), server, log, options, &parts).Run();
 }
 
 }  // namespace tiltproof::harness

@@ -49,6 +49,10 @@ struct FlightOptions {
   // client's board. An end of the flight comes first.
   std::vector<TimeNs> moments = {};
   std::function<std::optional<Future>(std::size_t moment)> at_moment = {};
+  // The place of a fault of the scenario that is open until a future gives it (FaultSchedule::Give).
+  std::optional<std::size_t> open = {};
+  // False: the log has only the counts of activations.
+  bool keeps_activations = true;
   // Called at power-on and at each row; none: the flight is not steered. Then `flown` is a copy of the scenario, which gets
   // what is changed.
   std::function<void(SteeredFlight& flight)> steer = {};

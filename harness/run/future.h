@@ -11,6 +11,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "harness/scenario/scenario.h"
@@ -22,6 +23,7 @@ struct Future {
   TimeNs from_ns = kPowerOn;     // simulation time; kPowerOn: from the beginning
   std::vector<std::size_t> cut;  // faults that end there, by their places in the scenario
   std::uint64_t draw = 0;        // names other random numbers, from there on; 0: those of the flight
+  std::optional<faults::FaultSpec> given = {};  // the open fault of the flight (FlightOptions::open)
 };
 
 // The scenario with the windows that the faults have in this future, for the scorer.

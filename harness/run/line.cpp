@@ -33,7 +33,7 @@ Overfull OverfullOf(const std::string& where, const faults::FaultSchedule::Crowd
 }
 
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
-                                   const VehicleSignals* signals, bool grows) {
+                                   const VehicleSignals* signals, const faults::ScheduleUse& use) {
   const std::string id = scenario.has_several_clients() ? scenario.client_id(client) : "";
   faults::FaultSchedule::Place place{.baud = scenario.link.main_rate().baud,
                                      .reference_baud = scenario.link.reference_rate().baud,
@@ -41,19 +41,20 @@ faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
   place.protocol = scenario.link.protocol;
   place.step_ns = scenario.step_ns;
   place.client = id;
-  place.grows = grows;
+  place.use = use;
   if (signals != nullptr) place.signals = *signals;
   return {scenario.faults, scenario.seed_of(client), place};
 }
 
-LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t client, bool paced, bool grows)
+LocalLine::LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t client, bool paced,
+                     const faults::ScheduleUse& use)
     : protocol_(scenario.link.protocol),
       fault_ids_([&] {
         std::vector<std::string> ids;
         for (const auto& fault : scenario.faults) ids.push_back(fault.id);
         return ids;
       }()),
-      faults_(ClientFaults(scenario, client, nullptr, grows)),
+      faults_(ClientFaults(scenario, client, nullptr, use)),
       wires_{[&] {
         const auto wire = [&](Direction direction, double latency_ms) {
           const link::LineRate rate =

@@ -45,7 +45,8 @@ Overfull OverfullOf(const std::string& where, const faults::FaultSchedule::Crowd
 
 // The faults on a client's line, receiver and, where there are signals of the vehicle, samples.
 faults::FaultSchedule ClientFaults(const Scenario& scenario, std::size_t client,
-                                   const VehicleSignals* signals = nullptr, bool grows = false);
+                                   const VehicleSignals* signals = nullptr,
+                                   const faults::ScheduleUse& use = {});
 
 class Line {
  public:
@@ -84,12 +85,14 @@ class LocalLine final : public Line {
  public:
   // `sink`: gets the line's records; it must outlive the line. `client`: place in the scenario of the line's client.
   // `paced`: bytes take their time here. On a line to a real serial port they do not: there the hardware sets the pace.
-  // The line keeps the scenario's protocol. `grows`: Add() will be called.
+  // The line keeps the scenario's protocol. `use`: of its schedule of faults.
   LocalLine(const Scenario& scenario, RecordSink& sink, std::size_t client = 0, bool paced = true,
-            bool grows = false);
+            const faults::ScheduleUse& use = {});
 
   // One more fault of the scenario, while it flies.
   void Add(const faults::FaultSpec& fault);
+  // The open fault of the line's use (FaultSchedule::Give).
+  void Give(const faults::FaultSpec& fault) { faults_.Give(fault); }
   // When all that was sent so far, on the whole line, has left its senders.
   BootTime FreeTime() const;
 
@@ -147,10 +150,9 @@ class LocalLine final : public Line {
 // The lines of a flight's clients.
 class LocalLines {
  public:
-  // `grow`: the lines do.
-  LocalLines(const Scenario& scenario, RecordSink& sink, bool grow = false) {
+  LocalLines(const Scenario& scenario, RecordSink& sink, const faults::ScheduleUse& use = {}) {
     for (std::size_t client = 0; client < scenario.client_count(); ++client)
-      all_.push_back(&lines_.emplace_back(scenario, sink, client, true, grow));
+      all_.push_back(&lines_.emplace_back(scenario, sink, client, true, use));
   }
   std::span<Line* const> all() { return all_; }
   std::deque<LocalLine>& local() { return lines_; }

@@ -63,7 +63,7 @@ std::ptrdiff_t Offset(std::size_t column) { return static_cast<std::ptrdiff_t>(c
 }  // namespace
 
 LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model,
-                                   RecordSink& sink, bool grows)
+                                   RecordSink& sink, const faults::ScheduleUse& use)
     : scenario_(scenario),
       signals_(model.signals()),
       layout_(signals_, scenario),
@@ -71,11 +71,9 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       plant_(model, OptionsOf(scenario, signals_)),
       readings_(signals_.sensors.size()),
       sent_(signals_.sensors.size()),
-      faults_(scenario.faults, scenario.seed,
-              {.protocol = scenario.link.protocol,
-               .signals = signals_,
-               .step_ns = scenario.step_ns,
-               .grows = grows}),
+      faults_(
+          scenario.faults, scenario.seed,
+          {.protocol = scenario.link.protocol, .signals = signals_, .step_ns = scenario.step_ns, .use = use}),
       conditions_(scenario, Trace(layout_.columns).columns()),
       protocol_(*scenario.link.protocol),
       period_message_(protocol_.PeriodMessage()),
@@ -93,7 +91,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
     if (binding.type().period_ns > 0) own_messages_.push_back({&binding});
   PlaceAtStart(scenario, plant_);
   for (std::size_t client = 0; client < scenario.client_count(); ++client)
-    clients_.push_back({.faults = ClientFaults(scenario, client, &signals_, grows),
+    clients_.push_back({.faults = ClientFaults(scenario, client, &signals_, use),
                         .sensed = std::vector<double>(signals_.sensors.size(), kNothingYet),
                         .asked = std::vector<double>(signals_.inputs.size(), kNothingYet),
                         .command = hover_input_,
@@ -104,6 +102,11 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
 void LocalPlantServer::Add(const faults::FaultSpec& fault) {
   faults_.Add(fault);
   for (ClientPart& own : clients_) own.faults.Add(fault);
+}
+
+void LocalPlantServer::Give(const faults::FaultSpec& fault) {
+  faults_.Give(fault);
+  for (ClientPart& own : clients_) own.faults.Give(fault);
 }
 
 const MessageBinding& LocalPlantServer::BindingOf(const link::MessageType& type) const {

@@ -95,12 +95,14 @@ class PlantServer {
 
 class LocalPlantServer final : public PlantServer {
  public:
-  // `sink`: gets the server's records; it must outlive the server. `grows`: Add() will be called.
+  // `sink`: gets the server's records; it must outlive the server. `use`: of its schedules of faults.
   LocalPlantServer(const Scenario& scenario, const plant::VehicleModel& model, RecordSink& sink,
-                   bool grows = false);
+                   const faults::ScheduleUse& use = {});
 
   // One more fault of the scenario, while it flies. The rows have no column for it.
   void Add(const faults::FaultSpec& fault);
+  // The open fault of the server's use (FaultSchedule::Give).
+  void Give(const faults::FaultSpec& fault);
   // The row at the present step boundary, as conditions of faults see it.
   void Look(const AllCounts& counts, std::vector<double>& row) const;
 

@@ -2,12 +2,13 @@
 """What each build of the firmware survives, as tables: docs/survival.md, and the short one in README.md.
 
 Usage, at the top of the repository:
-  scenarios/envelope/tables.py --fly build/release/tiltproof -j 2   fly both envelopes (hours apart is fine: it goes on), then write
+  scenarios/envelope/tables.py --fly build/release/tiltproof -j 2   fly both envelopes type by type, write after each; after an interruption it goes on
   ... --types 'actuator.*,plant.*' --out results/actuators          fly these types only; all other rows of the page stay as they are
   scenarios/envelope/tables.py                                      write the tables from what has been flown, and from the page
 
 Exits 1, and says so, when the second firmware is worse than the first in a row: by more than the search's tolerance, or at a level beyond its limit
 that the first one survives; when a row in which it is not twice as good, and does not survive everything, has no reason in limits.json; and when a type of the catalogue is not on the page.
+Exits 4 when a flight could not be judged.
 """
 import argparse
 import fnmatch
@@ -354,6 +355,11 @@ def vehicle_with_drag(scenario, folder):
     return file
 
 
+def matches(types, name):
+    """True if the option --types selects this type; None selects all."""
+    return not types or any(fnmatch.fnmatchcase(name, pattern) for pattern in types.split(","))
+
+
 def fly_part(options, scenario, part, repeats, tolerance, types):
     """Flies one envelope, or goes on with it. Returns the types that it could not take at any place."""
     out = options.out / f"{scenario}{part}"
@@ -364,20 +370,51 @@ def fly_part(options, scenario, part, repeats, tolerance, types):
     command += ["--client", "qemu"] if part == "-board" else []
     command += ["--types", types] if types else []
     done = subprocess.run(list(map(str, command)), check=False).returncode
-    if done == 4 and not result.exists():
-        return types  # it takes none of them
-    if done != 0:
+    if done not in (0, 4):
         sys.exit(done)
-    data = json.loads(result.read_text())
-    return ",".join(dict.fromkeys(other["type"] for other in data["not_applicable"] if all(row["type"] != other["type"] for row in data["rows"])))
+    data = json.loads(result.read_text()) if result.exists() else {"rows": [], "not_applicable": []}
+    flown = {row["type"] for row in data["rows"] if matches(types, row["type"])}
+    if done == 4 and not flown:
+        return types  # it takes none of them
+    options.undecided |= done == 4
+    return ",".join(dict.fromkeys(other["type"] for other in data["not_applicable"] if matches(types, other["type"]) and other["type"] not in flown))
 
 
-def fly(options):
+def fly_types(options, types):
     for scenario, tolerance in zip(SCENARIOS, TOLERANCES):
-        left = fly_part(options, scenario, "", REPEATS, tolerance, options.types)
+        left = fly_part(options, scenario, "", REPEATS, tolerance, types)
         left = left and fly_part(options, scenario, "-drag", REPEATS, tolerance, left)
         if left:
             fly_part(options, scenario, "-board", BOARD_REPEATS, BOARD_TOLERANCE, left)
+
+
+def fly(options):
+    """Flies both halves of a type before the next type, and writes the tables after each, so that an interruption costs one type only."""
+    program = subprocess.run([options.fly, "faults"], capture_output=True, text=True, check=True)
+    for name in re.findall(r"^## ([a-z]+\.[a-z_]+)$", program.stdout, re.M):
+        if matches(options.types, name):
+            fly_types(options, name)
+            write_tables(options)
+    # Nothing is left to fly: this adds the reasons of the types that no envelope can take.
+    options.undecided = False
+    fly_types(options, options.types)
+
+
+def write_tables(options):
+    """Writes the page and the short table from what has been flown, and from the page. Returns the rows, the layers, the limits, and the rows without a reason."""
+    catalogue = catalogue_of(options)
+    new, clients = read_flown(options.out)
+    rows = in_order(merged(read_page(options.page), new), catalogue)
+    if not rows:
+        return rows, {}, None, []
+    layers, limits, missing = layers_of(rows), Limits(options.limits), []
+    options.page.write_text(page(rows, clients or options.firmware.split(","), layers, limits, options, missing))
+    write_block(options.readme, "\n" + short_table(layers) + "\n")
+    return rows, layers, limits, missing
+
+
+def catalogue_of(options):
+    return re.findall(r"^## ([a-z]+\.[a-z_]+)$", options.catalogue.read_text(), re.M)
 
 
 def report(rows, layers, options):
@@ -414,26 +451,22 @@ def main():
     parser.add_argument("--limits", type=pathlib.Path, default=HERE / "limits.json", help="why nothing could be better")
     parser.add_argument("--catalogue", type=pathlib.Path, default=SOURCE / "docs/faults.md", help="the types that the page must have")
     options = parser.parse_args()
+    options.undecided = False
     if options.fly:
         fly(options)
-    catalogue = re.findall(r"^## ([a-z]+\.[a-z_]+)$", options.catalogue.read_text(), re.M)
-    new, clients = read_flown(options.out)
-    rows = in_order(merged(read_page(options.page), new), catalogue)
+    rows, layers, limits, missing = write_tables(options)
     if not rows:
         sys.exit(f"tables: nothing has been flown in {options.out}, and {options.page} has no rows")
-    layers, limits, missing = layers_of(rows), Limits(options.limits), []
-    options.page.write_text(page(rows, clients or options.firmware.split(","), layers, limits, options, missing))
-    write_block(options.readme, "\n" + short_table(layers) + "\n")
 
     worse = report(rows, layers, options)
     for key in missing:
         print(f"  no reason in {options.limits.name}: {' '.join(key).strip()}")
-    absent = [fault for fault in catalogue if all(fault != known for known, _ in rows)]
+    absent = [fault for fault in catalogue_of(options) if all(fault != known for known, _ in rows)]
     for fault in absent:
         print(f"  not on the page: {fault}")
     for pattern in limits.unused():
         print(f"  no row needs the reason of: {pattern}")
-    return 1 if worse or missing or absent else 0
+    return 1 if worse or missing or absent else 4 if options.undecided else 0
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-// A fault that is added in mid-flight acts as if the schedule had been made with it: for every type.
+// A fault that is added in mid-flight, or given to a schedule in which it was open, acts as if the schedule had been made
+// with it: for every type.
 
 #include <gtest/gtest.h>
 
@@ -30,13 +31,14 @@ struct FlownInTurn : Outcome {
   std::vector<std::vector<ReceiveMark>> marks;
 };
 
-// All periods, in the order of a flight. `added`: behind period kAdded.
-FlownInTurn FlyInTurn(FaultSchedule schedule, const FaultSpec* added) {
+// All periods, in the order of a flight. `added`: behind period kAdded. `given`: before.
+FlownInTurn FlyInTurn(FaultSchedule schedule, const FaultSpec* added, const FaultSpec* given = nullptr) {
   schedule.SetOrigin(kOriginAtPowerOn);
   FlownInTurn outcome;
   link::ChunkFilter* filter = schedule.Filter(link::Direction::kToClient);
   for (std::int64_t n = 0; n < kFrames; ++n) {
     if (n == kAdded && added != nullptr) schedule.Add(*added);
+    if (n == kAdded - 2 && given != nullptr) schedule.Give(*given);
     outcome.sensors.push_back(Sample(n));
     EditSensors(schedule, n * kPeriod, outcome.sensors.back());
     outcome.actuators.push_back(Command(n));
@@ -60,7 +62,7 @@ void ExpectSameAsFromTheBeginning(FaultSpec added) {
   all.push_back(added);
   const FaultSchedule::Place place{.protocol = ProtocolFor(all), .signals = TiltrotorSignals()};
   FaultSchedule::Place growing = place;
-  growing.grows = true;
+  growing.use.grows = true;
   const FlownInTurn whole = FlyInTurn(FaultSchedule(all, 7, place), nullptr);
   const FlownInTurn grown = FlyInTurn(FaultSchedule(others, 7, growing), &added);
   EXPECT_TRUE(SameOutcome(whole, grown)) << added.type;
@@ -83,6 +85,35 @@ std::vector<FaultType> NoCommands() {
   for (const FaultType& type : FaultTypes())
     if (!type.is_command()) types.push_back(type);
   return types;
+}
+
+// Among others, some of which act before it on the same data, and some after it.
+TEST_P(GrownFaultTest, ActsAsIfItHadNotBeenOpen) {
+  if (!GetParam().IsOneOf<WireKind, SensorKind, ActuatorKind, PlantKind>()) return;
+  FaultSpec given = ExampleSpec(GetParam());
+  given.id = "given";
+  given.start_ns = kAdded * kPeriod;
+  given.end_ns = 1000 * kPeriod;
+  std::vector<FaultSpec> all = Others();
+  all.insert(all.begin() + 2, given);
+  for (FaultSpec& other : Others()) all.push_back(other), all.back().id += "-too";
+  const FaultSchedule::Place place{.protocol = ProtocolFor(all), .signals = TiltrotorSignals()};
+  FaultSchedule::Place open = place;
+  open.use.open = 2;
+  const FlownInTurn whole = FlyInTurn(FaultSchedule(all, 7, place), nullptr);
+  // The open fault ends at another time.
+  all[2].end_ns = 1001 * kPeriod;
+  const FlownInTurn departed = FlyInTurn(FaultSchedule(all, 7, open), nullptr, &given);
+  EXPECT_TRUE(SameOutcome(whole, departed));
+  EXPECT_EQ(whole.counts, departed.counts);
+  EXPECT_GT(whole.counts[2], 0) << "it did not act: the test proves nothing";
+}
+
+TEST(OpenFaultTest, MustBeGivenBeforeItActs) {
+  const std::vector<FaultSpec> all = {At(Spec("frame.drop", {{"probability", 1.0}}), kAdded * kPeriod)};
+  FaultSchedule::Place open{.protocol = ProtocolFor(all), .signals = TiltrotorSignals()};
+  open.use.open = 0;
+  EXPECT_THROW(FlyInTurn(FaultSchedule(all, 7, open), nullptr), OpenFaultActs);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, GrownFaultTest, ::testing::ValuesIn(NoCommands()), TestName);

@@ -47,7 +47,7 @@ TEST(ScheduleTest, AFaultThatIsAddedActsAsIfItHadBeenThere) {
   const auto fly = [&](bool late, std::vector<std::int64_t>& counts, bool& active) {
     std::vector<FaultSpec> specs = {first};
     if (!late) specs.push_back(added);
-    FaultSchedule schedule = AtTheLine(specs, 7, {.grows = true});
+    FaultSchedule schedule = AtTheLine(specs, 7, {.use = {.grows = true}});
     schedule.SetOrigin(kOriginAtPowerOn);
     std::vector<std::vector<link::Chunk>> out;
     for (std::int64_t n = 0; n < 100; ++n) {
@@ -72,7 +72,7 @@ TEST(ScheduleTest, AFaultThatIsAddedActsAsIfItHadBeenThere) {
   EXPECT_EQ(counts_late, counts_early);
   EXPECT_GT(counts_late.at(1), 20);
   EXPECT_TRUE(active_late && active_early);
-  FaultSchedule schedule = AtTheLine({}, 7, {.grows = true});
+  FaultSchedule schedule = AtTheLine({}, 7, {.use = {.grows = true}});
   EXPECT_THROW(schedule.Add(Spec("frame.dorp")), std::invalid_argument);
 }
 

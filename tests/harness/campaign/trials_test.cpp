@@ -6,14 +6,22 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <fmt/format.h>
+
+#include <algorithm>
 #include <atomic>
+#include <cmath>
+#include <future>
 #include <memory>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "faults/registry.h"
+#include "harness/campaign/envelope_rows.h"
 #include "harness/campaign/margins.h"
+#include "harness/engine/trunk.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -150,6 +158,82 @@ TEST(Trials, OneEndedMayStartAnother) {
   });
   trials.Fly();
   EXPECT_THAT(answers, ::testing::ElementsAre(Answer::kSurvived, Answer::kFailed));
+}
+
+// A short flight with noise, in which the second fault waits for its type.
+FlightJob Probed() {
+  FlightJob job = Biased("probed", 0);
+  job.scenario.duration_ns = 5 * kNsPerS / 2;
+  faults::FaultSpec noise;
+  noise.id = "noise";
+  noise.type = "sensor.noise";
+  noise.parameters = {{"signal", std::string("x_m")}, {"std", 0.002}};
+  faults::FaultSpec probe;
+  probe.id = "probe";
+  probe.type = std::string(kPlaceholderType);
+  probe.start_ns = kNsPerS;
+  probe.end_ns = 2 * kNsPerS;
+  faults::FaultSpec later = noise;
+  later.id = "later";
+  later.parameters["signal"] = std::string("z_m");
+  job.scenario.faults = {noise, probe, later};
+  return job;
+}
+
+// Two levels of each type that may depart, at the first of its places.
+std::vector<FlightJob> LevelsOfAllTypes() {
+  const FlightJob base = Probed();
+  std::vector<FlightJob> jobs;
+  for (const faults::FaultType& type : faults::FaultTypes()) {
+    if (!type.has_severity()) continue;
+    FlightJob job = base;
+    job.scenario =
+        WithRow(base.scenario, EnvelopeRows(type, base.model->signals()).front(), base.model->signals());
+    const Severity severity = SeverityOf(job.scenario, 1, base.model->signals());
+    job.departure = Departure{.trunk = std::string(type.name), .fault = 1};
+    if (!CanDepart(job)) continue;
+    for (const double share : {0.02, 0.3}) {
+      double level = severity.range.start + share * (severity.range.end - severity.range.start);
+      if (severity.range.whole) level = std::round(level);
+      FlightJob& at = jobs.emplace_back(job);
+      at.scenario = AtLevel(job.scenario, 1, severity, level);
+      at.name = fmt::format("{} {}", type.name, share);
+    }
+  }
+  return jobs;
+}
+
+// Everything but the time that it took.
+std::vector<std::vector<std::uint8_t>> ResultsOf(const std::vector<FlightJob>& jobs, int jobs_count,
+                                                 std::size_t* trunks_max = nullptr) {
+  Engine engine({.jobs_count = jobs_count});
+  std::vector<std::future<FlightResult>> flown;
+  for (const FlightJob& job : jobs) flown.push_back(engine.Submit(job));
+  while (!engine.idle()) {
+    engine.Poll();
+    if (trunks_max != nullptr) *trunks_max = std::max(*trunks_max, engine.trunks_count());
+  }
+  std::vector<std::vector<std::uint8_t>> packed;
+  for (auto& each : flown) {
+    FlightResult result = each.get();
+    EXPECT_NE(result.score.verdict, Verdict::kError) << result.name << ": " << result.score.reason;
+    result.wall_s = result.real_time_factor = 0;
+    packed.push_back(Pack(result));
+  }
+  return packed;
+}
+
+TEST(Departure, IsTheFlightFromTheBeginning) {
+  const std::vector<FlightJob> jobs = LevelsOfAllTypes();
+  std::set<std::string> layers;
+  for (const FlightJob& job : jobs) layers.insert(job.scenario.faults[1].type.substr(0, 3));
+  EXPECT_EQ(layers.size(), 7u) << "wire, frame, link, sensor, actuator, plant, harness";
+  std::vector<FlightJob> whole = jobs;
+  for (FlightJob& job : whole) job.departure.reset();
+  std::size_t trunks_max = 0;
+  const auto departed = ResultsOf(jobs, 1, &trunks_max), flown = ResultsOf(whole, 1);
+  EXPECT_GT(trunks_max, 20u);
+  for (std::size_t i = 0; i < jobs.size(); ++i) EXPECT_EQ(departed[i], flown[i]) << jobs[i].name;
 }
 
 std::vector<MarginTask> Tasks() {

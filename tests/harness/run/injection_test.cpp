@@ -67,7 +67,7 @@ TEST_F(InjectionTest, BeginsAsPlannedWhereItsNodeHearsInTime) {
 // afterwards shows when the fault begins.
 TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
   KeptRecords records;
-  LocalLine line(scenario_, records, 0, true, true);
+  LocalLine line(scenario_, records, 0, true, {.grows = true});
   const Origin origin(BootTime(5 * kNsPerS));
   line.SetOrigin(origin);
   const std::array<std::uint8_t, 1> payload = {3};
