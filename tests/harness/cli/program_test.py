@@ -3,11 +3,11 @@
 that do what they must not. Usage: program_test.py TILTPROOF SOURCE_DIR"""
 import json
 import pathlib
+import resource
 import shutil
 import signal
 import subprocess
 import sys
-import time
 import unittest
 
 from command_line import PROGRAM
@@ -167,16 +167,22 @@ class ProgramTest(ProgramFlights):
         self.assertEqual(code, 0, text)
         self.await_none()
 
+    def test_results_that_cannot_be_written_end_the_program(self):
+        def small_files():  # as on a full disk: nothing larger than this
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+        self.scenario("full")
+        done = subprocess.run([PROGRAM, "run", "full.yaml", "--no-report", "--client", MINIMAL], cwd=self.folder, capture_output=True, text=True,
+                              check=False, preexec_fn=small_files)
+        self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
+        self.assertIn("the flight's results are missing: cannot write", " ".join(done.stdout.split()))
+        self.assertEqual(self.results()["scenarios"][0]["verdict"], "error")
+        self.await_none()
+
     def test_nothing_is_left_when_tiltproof_is_killed(self):
         self.scenario("sleep")
-        with subprocess.Popen([PROGRAM, "run", "sleep.yaml", "--client", python("sleep")], cwd=self.folder, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL) as process:
-            for _ in range(100):
-                if any("program_client" in command for command in self.processes()):
-                    break
-                time.sleep(0.1)
-            process.send_signal(signal.SIGKILL)
-        self.await_none()
+        self.killed("sleep.yaml", python("sleep"), "program_client")
 
     def test_mistakes(self):
         self.scenario("hover")
