@@ -139,6 +139,18 @@ class ComputingTest(CommandLineTest):
         code, out, err = self.tiltproof("campaign", file, "--client", f"library:{MINIMAL}", "--out", "nothing")
         self.assertEqual(code, 2, out + err)
         self.assertIn("device.slow_cpu stretches the computing time that a firmware states, and this one states none", " ".join(err.split()))
+    def test_searches_do_not_say_that_such_a_firmware_survives_it(self):
+        path = self.scenario("margin", LINE, KEYS=slow(2))
+        for client in (f"library:{MINIMAL}", f"program:{PROGRAM.parent / 'lib/minimal_program'}"):
+            code, out, err = self.tiltproof("margin", path, "--fault", "hot", "--client", client)
+            self.assertEqual(code, 2, out + err)
+            self.assertIn("margin.yaml:9:21: fault 'hot' (device.slow_cpu) stretches the computing time that a firmware states, and this one states none",
+                          " ".join(err.split()))
+        base = self.scenario("base", LINE, KEYS="\nfaults: [{id: f, type: harness.null, start_s: 0.2, end_s: 0.5}]")
+        code, out, err = self.tiltproof("envelope", base, "--types", "device.slow_cpu,device.task_delay", "--client", f"library:{MINIMAL}", "--no-report")
+        self.assertIn(code, (0, 1), out + err)
+        found = json.loads((self.folder / "results/envelope/envelope.json").read_text())
+        self.assertEqual([(other["type"], "states none" in other["reason"]) for other in found["not_applicable"]], [("device.slow_cpu", True)])
 
 
 if __name__ == "__main__":
