@@ -428,6 +428,14 @@ std::string ReasonAgainstInjecting(const FlightMeans& means, const Scenario& sce
                                    const faults::FaultSpec& fault) {
   const faults::FaultType& type = *faults::FindFaultType(fault.type);
   const std::vector<ClientSpec> clients = means.ClientsOf(scenario);
+  std::vector<Problem> problems;
+  const auto alone = [&] {
+    Scenario copy = scenario;
+    copy.faults = {fault};
+    return copy;
+  };
+  if (type.needs == faults::Needs::kComputing) FindUnstatedComputing(alone(), clients, problems);
+  if (!problems.empty()) return problems.front().why;
   for (std::size_t i = 0; i < clients.size(); ++i) {
     if (!fault.client.empty() && fault.client != scenario.client_id(i)) continue;
     if (auto why = Unsupported(fault, type, AbilitiesOf(clients[i], false))) return *std::move(why);
@@ -437,10 +445,7 @@ std::string ReasonAgainstInjecting(const FlightMeans& means, const Scenario& sce
       return "cannot begin while an image flies: its board has bytes whose times are told by its clock "
              "already; put it into the scenario";
     if (!type.IsOneOf<faults::DeviceKind>()) continue;
-    Scenario alone = scenario;
-    alone.faults = {fault};
-    std::vector<Problem> problems;
-    FindMissingRegions(Images().Read(*image, scenario.firmware_of(i), *scenario.link.protocol), alone, i,
+    FindMissingRegions(Images().Read(*image, scenario.firmware_of(i), *scenario.link.protocol), alone(), i,
                        problems);
     if (!problems.empty()) return problems.front().why;
   }

@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "harness/cli/replay_line.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
@@ -25,7 +26,7 @@ KeptRuns KeepRuns(std::vector<FlightToKeep> flights, const CampaignOptions& opti
     if (!std::filesystem::exists(flight.folder / "scenario.yaml"))
       WriteFile(flight.folder / "scenario.yaml", WriteResolved(flight.job.scenario));
     flight.job.recorder = RecorderIn(own, Keep::kAll);
-    flight.job.replay = fmt::format("{} replay {}", options.command.front(), own.string());
+    flight.job.replay = ReplayLine(options.command.front(), own);
     records.try_emplace(flight.job.name, flight.folder,
                         LockstepRunInfo(flight.job.scenario.name, flight.job, options.command),
                         std::vector{flight.job});

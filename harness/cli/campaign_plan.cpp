@@ -25,6 +25,8 @@ constexpr const char* kSpecKey = "campaign";
 constexpr const char* kClientKey = "client";
 constexpr const char* kClientPrefix = "client.";
 constexpr const char* kShardKey = "shard";
+// There for scenarios whose firmware states no computing time.
+std::string NoComputingKey(std::size_t i) { return fmt::format("no_computing.{}", i); }
 std::string ScenarioKey(std::size_t i) { return fmt::format("scenario.{}", i); }
 
 std::optional<std::uint64_t> Whole(std::string_view text) {
@@ -75,6 +77,13 @@ Suite LoadBases(const CampaignSpec& spec, const FlightMeans& means) {
   return suite;
 }
 
+void CheckDrawsSomething(const LoadedCampaign& campaign, const DrawBase& base) {
+  if (base.types.empty())
+    throw UsageError(fmt::format("campaign: {}: this client can take no fault of the types that are drawn{}",
+                                 base.scenario.name,
+                                 campaign.left_out.empty() ? "" : ": " + campaign.left_out.begin()->second));
+}
+
 // The faults that can be drawn for a scenario.
 void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaign& campaign) {
   SuiteScenario probed = base;
@@ -112,10 +121,7 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
     throw UsageError(fmt::format("draw.recover_s: {} leaves no time for faults in {}, which lasts {} s",
                                  *spec.draw.recover_s, base.scenario.name,
                                  ToSeconds(base.scenario.duration_ns)));
-  if (added.types.empty())
-    throw UsageError(fmt::format("campaign: {}: this client can take no fault of the types that are drawn{}",
-                                 base.scenario.name,
-                                 campaign.left_out.empty() ? "" : ": " + campaign.left_out.begin()->second));
+  CheckDrawsSomething(campaign, added);
 }
 
 void CheckTimes(const CampaignSpec& spec, const Scenario& scenario) {
@@ -185,6 +191,22 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options) {
   return campaign;
 }
 
+void LeaveOutComputing(LoadedCampaign& campaign, std::size_t base) {
+  DrawBase& of = campaign.plan.bases.at(base);
+  const auto count = std::erase_if(of.types, [&](const DrawType& drawn) {
+    if (drawn.type->needs != faults::Needs::kComputing) return false;
+    campaign.left_out.try_emplace(
+        std::string(drawn.type->name),
+        fmt::format("{} stretches the computing time that a firmware states, and this one states none",
+                    drawn.type->name));
+    return true;
+  });
+  if (count == 0) return;
+  CheckDrawsSomething(campaign, of);
+  campaign.meta[NoComputingKey(base)] = "1";
+  campaign.meta[kFrameKey] = ToJsonText(MakeFrame(campaign.plan));
+}
+
 LoadedCampaign ReopenCampaign(std::map<std::string, std::string> meta) {
   LoadedCampaign campaign;
   campaign.meta = std::move(meta);
@@ -209,6 +231,7 @@ LoadedCampaign ReopenCampaign(std::map<std::string, std::string> meta) {
       base.scenario = std::move(loaded.scenario);
       base.model = std::move(loaded.model);
       AddTypes(base, campaign.plan.spec, campaign);
+      if (campaign.meta.contains(NoComputingKey(i))) LeaveOutComputing(campaign, i);
     }
   } catch (const ScenarioError& error) {
     throw UsageError(error.what());

@@ -48,6 +48,10 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options);
 // As it was planned; `meta`: of its database. Throws UsageError where this program cannot read it any more.
 LoadedCampaign ReopenCampaign(std::map<std::string, std::string> meta);
 
+// Draws no faults on computing for a scenario, by its place, whose flight without faults has shown that no firmware states
+// a computing time. Throws UsageError when nothing is left to draw.
+void LeaveOutComputing(LoadedCampaign& campaign, std::size_t base);
+
 // The database in a campaign's folder.
 std::filesystem::path DatabaseOf(const std::filesystem::path& folder);
 

@@ -78,7 +78,7 @@ Why Reasons(const FlightResult& result) {
       add(criterion.name + ": " + criterion.explanation);
   }
   for (const auto& fault : score.faults)
-    if (fault.activations == 0) add("fault '" + fault.id + "' never activated");
+    if (fault.activations == 0) add(NeverActivated(fault, score));
   for (const std::string& cause : OtherCauses(result)) add(cause);
   return why;
 }

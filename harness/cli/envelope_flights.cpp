@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "harness/cli/replay_line.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
@@ -24,7 +25,7 @@ KeptFlights KeepFlights(const std::filesystem::path& folder, const std::vector<S
     infos.try_emplace(run, LockstepRunInfo(flight.side.type, flight.job, options.command));
     FlightJob& job = runs[run].emplace_back(flight.job);
     job.recorder = RecorderIn(own, Keep::kAll);
-    job.replay = fmt::format("{} replay {}", options.command.front(), own.string());
+    job.replay = ReplayLine(options.command.front(), own);
     run_of[job.name] = run;
   }
   std::map<std::filesystem::path, RunRecord> records;

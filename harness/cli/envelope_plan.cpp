@@ -14,6 +14,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/search_flights.h"
+#include "harness/cli/stated_computing.h"
 #include "harness/report/files.h"
 #include "harness/run/hash.h"
 #include "harness/scenario/did_you_mean.h"
@@ -167,7 +168,13 @@ void AddColumn(const FirmwareColumn& column, const std::vector<EnvelopeRow>& row
   const auto leave_out = [&](const EnvelopeRow& row, const std::string& reason) {
     plan.not_applicable.push_back({std::string(row.type->name), row.place + row.side, column.name, reason});
   };
-  const std::vector<std::string> reasons = ReasonsAgainst(column.means, column.base, rows);
+  std::vector<std::string> reasons = ReasonsAgainst(column.means, column.base, rows);
+  std::optional<std::string> no_computing;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (!reasons[i].empty() || rows[i].type->needs != faults::Needs::kComputing) continue;
+    if (!no_computing) no_computing = WhyNoComputing(column.means, column.base);
+    reasons[i] = *no_computing;
+  }
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const EnvelopeRow& row = rows[i];
     if (!reasons[i].empty()) {

@@ -6,16 +6,19 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "faults/registry.h"
 #include "harness/campaign/margins.h"
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/search_flights.h"
 #include "harness/cli/shared_options.h"
+#include "harness/cli/stated_computing.h"
 #include "harness/cli/suite.h"
 #include "harness/report/json_fields.h"
 #include "harness/report/json_text.h"
 #include "harness/scenario/did_you_mean.h"
+#include "harness/scenario/fault_support.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/terminal.h"
 
@@ -175,6 +178,11 @@ int MarginCommand(const MarginOptions& options) {
   const std::vector<MarginTask> tasks = {MakeTask(options, suite.scenarios.front(), means)};
 
   const InterruptScope scope;
+  const faults::FaultSpec& fault = tasks.front().job.scenario.faults[tasks.front().fault];
+  if (faults::FindFaultType(fault.type)->needs == faults::Needs::kComputing)
+    if (const std::string why = WhyNoComputing(means, suite.scenarios.front()); !why.empty())
+      throw UsageError(
+          fmt::format("{} {}", FaultPlace(tasks.front().job.scenario, tasks.front().fault), why));
   Trials trials({.jobs_count = options.jobs_count,
                  .interrupted = InterruptScope::flag(),
                  .tell = [](const std::string& line) { Print(stderr, "tiltproof: {}\n", line); }},

@@ -9,6 +9,7 @@
 #include <memory>
 
 #include "harness/cli/client_flag.h"
+#include "harness/cli/replay_line.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/shared_options.h"
@@ -98,7 +99,7 @@ Repeatable LoadRepeatable(const OldRun& run, const FlightMeans& means, const std
                             .scenario = std::move(scenario),
                             .model = std::move(model),
                             .means = means,
-                            .replay = fmt::format("{} replay {}", program, scenario_folder.string()),
+                            .replay = ReplayLine(program, scenario_folder),
                             .recorder = RecorderIn(recordings / name, Keep::kAll)});
     flights.then.push_back(std::move(then));
   }

@@ -11,6 +11,7 @@
 #include "harness/cli/console.h"
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/live_page.h"
+#include "harness/cli/replay_line.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_options.h"
@@ -303,7 +304,7 @@ void SetFolders(const RunOptions& options, const SelectedFlights& flights, const
     } else if (means.realtime) {
       job.replay = FlyAgain(options, means, flight_folder / "scenario.resolved.yaml", job.scenario.seed);
     } else {
-      job.replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
+      job.replay = ReplayLine(options.command.front(), flight_folder);
     }
   }
 }

@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "harness/cli/console.h"
+#include "harness/cli/replay_line.h"
 #include "harness/cli/run_folder.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
@@ -25,7 +26,7 @@ struct ScoreCommandOptions {
 FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& program) {
   const Scenario scenario = LoadFlown(folder).scenario;
   const std::string name = folder.filename();
-  const std::string replay = fmt::format("{} replay {}", program, folder.string());
+  const std::string replay = ReplayLine(program, folder);
   if (!HasEnded(folder)) return NotFlown({name, scenario.expected(), scenario.seed});
   try {
     const FlightResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));

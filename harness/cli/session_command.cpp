@@ -12,6 +12,7 @@
 #include "harness/cli/applicability.h"
 #include "harness/cli/client_flag.h"
 #include "harness/cli/interrupt_scope.h"
+#include "harness/cli/replay_line.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
 #include "harness/cli/run_record.h"
@@ -116,7 +117,7 @@ int SessionCommand(const SessionOptions& options) {
   const std::filesystem::path folder =
       std::filesystem::absolute(CreateRunFolder(options.out, info.suite, info.seed));
   const std::filesystem::path flight_folder = folder / scenario.name;
-  const std::string replay = fmt::format("{} replay {}", options.command.front(), flight_folder.string());
+  const std::string replay = ReplayLine(options.command.front(), flight_folder);
 
   const TalkStreams streams;
   SessionTalk talk({.in = streams.in(),

@@ -6,11 +6,13 @@
 #include <sys/xattr.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <sstream>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "harness/client/firmware_files.h"
@@ -31,20 +33,58 @@ std::filesystem::path Found(const std::string& word) {
   return "";
 }
 
-// The first word that is a program's; empty: the shell has to read it.
-std::string ProgramWord(const std::string& command) {
-  if (command.find_first_of("\"'\\$`;&|<>()*?[#~\n") != std::string::npos) {
-    // Only the part before such a character is plain: enough when the program is in it.
-    const std::size_t end = command.find_first_of("\"'\\$`;&|<>()*?[#~\n");
-    const std::size_t space = command.find_last_of(' ', end);
-    if (space == std::string::npos || command[end] == ';' || command[end] == '&' || command[end] == '|')
-      return "";
-    return ProgramWord(command.substr(0, space));
+struct ShellWord {
+  std::string text;      // without quotes
+  bool expands = false;  // the shell puts something else in its place
+};
+
+// Words of a command, as a shell reads them. Empty: it is more than one program.
+std::vector<ShellWord> WordsOf(const std::string& command) {
+  std::vector<ShellWord> words;
+  bool in_word = false;
+  char quote = '\0';
+  const auto has = [](const char* set, char c) { return std::strchr(set, c) != nullptr; };
+  for (std::size_t i = 0; i < command.size(); ++i) {
+    const char c = command[i];
+    const bool escapes = c == '\\' && quote != '\'' && i + 1 < command.size();
+    const bool redirects = c == '&' && i > 0 && command[i - 1] == '>';
+    if (quote == '\0' && !escapes) {
+      if (has(";&|()`\n", c) && !redirects) return {};
+      if (has(" \t<>&", c)) {
+        in_word = false;
+        continue;
+      }
+    }
+    if (!std::exchange(in_word, true)) words.emplace_back();
+    ShellWord& word = words.back();
+    if (escapes) {
+      // Within double quotes, a backslash before anything else stays.
+      if (quote == '"' && !has("\"\\$`\n", command[i + 1])) word.text += c;
+      word.text += command[++i];
+    } else if (quote == '\0' ? has("'\"", c) : c == quote) {
+      quote = quote == '\0' ? c : '\0';
+    } else {
+      word.expands = word.expands || has(quote == '\0' ? "$*?[~#" : quote == '"' ? "$`" : "", c);
+      word.text += c;
+    }
   }
-  std::istringstream words(command);
-  for (std::string word; words >> word;)
-    if (word != "exec" && word.find('=') == std::string::npos) return word;
-  return "";
+  return words;
+}
+
+// The place of the program among the words, behind the variables that are set for it.
+std::size_t ProgramAt(const std::vector<ShellWord>& words) {
+  const auto program = std::find_if(words.begin(), words.end(), [](const ShellWord& word) {
+    return word.text.find('=') == std::string::npos;
+  });
+  return static_cast<std::size_t>(program - words.begin());
+}
+
+// The first word that is a program's; empty: only the shell knows it.
+std::string ProgramWord(const std::string& command) {
+  const std::vector<ShellWord> words = WordsOf(command);
+  std::size_t at = ProgramAt(words);
+  if (at < words.size() && words[at].text == "exec") ++at;
+  return at >= words.size() || words[at].expands ? "" : words[at].text;
 }
 
 std::optional<std::string> MistakeOf(const std::filesystem::path& file, int depth);
@@ -106,14 +146,12 @@ std::optional<std::string> MistakeOf(const std::filesystem::path& file, int dept
 }  // namespace
 
 std::string Executed(const std::string& command) {
-  for (std::size_t i = 0; i < command.size(); ++i) {
-    const bool redirects = command[i] == '&' && i > 0 && command[i - 1] == '>';
-    if (std::strchr(";&|()`\n", command[i]) != nullptr && !redirects) return command;
-  }
-  std::istringstream words(command);
-  std::string word, before;
-  while (words >> word && word.find('=') != std::string::npos) before = "env ";
-  return word == "exec" || Found(word).empty() ? command : "exec " + before + command;
+  const std::vector<ShellWord> words = WordsOf(command);
+  const std::size_t at = ProgramAt(words);
+  if (at == words.size() || words[at].text == "exec") return command;
+  // One that the shell does not know as a file is part of its language.
+  if (!words[at].expands && Found(words[at].text).empty()) return command;
+  return (at > 0 ? "exec env " : "exec ") + command;
 }
 
 std::filesystem::path ClockLibrary() { return ShippedLibrary("libtiltproof_clock.so"); }

@@ -106,6 +106,7 @@ class ProgramClient final : public CalledClient {
     if (process_) process_->TakeOutput(all);
   }
   void OnLine(const std::string& line) {
+    if (!line.empty()) last_line_ = line;
     if (over_) {
       report().Look(line);
     } else {
@@ -191,14 +192,18 @@ class ProgramClient final : public CalledClient {
   FirmwareTrouble Explained(const FirmwareTrouble& trouble) const {
     FirmwareEnd end = trouble.end;
     if (report().names_place()) end.place = report().place();
-    return {trouble.hung,
-            report().text().empty() ? trouble.what() : fmt::format("{}: {}", trouble.what(), report().text()),
-            end};
+    std::string text = trouble.what();
+    if (!report().text().empty())
+      text += ": " + report().text();
+    else if (!last_line_.empty() && !trouble.hung)
+      text += "; it printed last: " + last_line_;
+    return {trouble.hung, text, end};
   }
 
   ProgramSpec spec_;
   ProgramHello hello_;
   std::vector<std::uint8_t> out_;  // of the next exchange
+  std::string last_line_;          // that it has printed
   bool tells_status_ = false;
   ClientStatus status_;
   std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none

@@ -27,6 +27,8 @@ namespace {
 using Clock = OwnTime::SteadyClock;
 
 constexpr int kOutputBytes = 1 << 20;
+// Limit on the lines that a program prints at once. The log of the flight has room for more.
+constexpr std::size_t kKeptBytes = kOutputBytes / 2;
 constexpr int kLook_ms = 100;
 // An answer that comes in more pieces than this is looked at as one that does not come.
 constexpr int kReceivesAtOnce = 16;
@@ -41,11 +43,10 @@ constexpr int kShellSignal = 128;
 constexpr std::array<const char*, 2> kNotConnected = {"has not connected to TILTPROOF_SOCKET",
                                                       "has not loaded the virtual clock"};
 constexpr std::array<const char*, 2> kWayOut = {
-    "a program that only knows serial ports flies with --client 'clocked:CMD'",
+    "a program that only knows serial ports flies with --client 'clocked:CMD'; one that goes into the "
+    "background must stay in the foreground",
     "a script starts its program with `exec`; one that is statically linked, set-user-ID or not for this "
-    "processor cannot be held: fly it with "
-    "process:CMD and "
-    "--mode realtime"};
+    "processor cannot be held: fly it with process:CMD and --mode realtime"};
 
 // A socket that listens at a path of its own, in a folder that only this user may enter. Both go with this object.
 class Listener {
@@ -143,9 +144,9 @@ void ProgramProcess::Accept(int listener) {
         log(std::move(line));
       };
       TakeOutput(true);
-      throw std::runtime_error(fmt::format("{} {} and {}{} (docs/program.md)", name_,
-                                           child_->ExitText().value_or("has ended"), kNotConnected[clocked_],
-                                           last.empty() ? "" : ": " + last));
+      throw std::runtime_error(fmt::format(
+          "{} {} and {} (docs/program.md){}", name_, child_->ExitText().value_or("has ended"),
+          kNotConnected[clocked_], last.empty() ? fmt::format("; {}", kWayOut[clocked_]) : ": " + last));
     }
     if (over)
       throw std::runtime_error(fmt::format("{} {} within {} s of its own time (docs/program.md); {}", name_,
@@ -243,7 +244,12 @@ void ProgramProcess::DrainOutput() {
   ssize_t count = 0;
   const auto keep = [this](std::string line) {
     lines_bytes_ += line.size() + 1;
-    if (lines_bytes_ <= kOutputBytes) lines_.push_back(std::move(line));
+    lines_.push_back(std::move(line));
+    // The last lines count: they hold the reason of a crash.
+    for (; lines_bytes_ > kKeptBytes; ++dropped_count_) {
+      lines_bytes_ -= lines_.front().size() + 1;
+      lines_.pop_front();
+    }
   };
   // At a time: one that prints without end must not keep this process from its limits.
   for (int reads = 0;
@@ -254,6 +260,8 @@ void ProgramProcess::DrainOutput() {
 
 void ProgramProcess::TakeOutput(bool all) {
   DrainOutput();
+  if (const std::size_t count = std::exchange(dropped_count_, 0); count > 0)
+    on_line_(fmt::format("tiltproof: {} lines before this one are not kept: they came at once", count));
   for (std::string& line : lines_) on_line_(std::move(line));
   lines_.clear();
   lines_bytes_ = 0;

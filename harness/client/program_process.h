@@ -7,6 +7,7 @@
 #pragma once
 
 #include <chrono>
+#include <deque>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -65,7 +66,8 @@ class ProgramProcess {
   // Ends the exchange. Throws FirmwareTrouble when the answer goes on.
   void EndAnswer() const;
 
-  // Passes on what it has printed: complete lines, or everything. Of what it prints between two calls, 1 MiB is kept.
+  // Passes on what it has printed: complete lines, or everything. Of what it prints between two calls, the last 0.5 MiB
+  // are kept.
   void TakeOutput(bool all);
 
   // Waits until it has ended of its own accord. Nullopt: it did, with code 0. Otherwise what it did instead.
@@ -84,8 +86,8 @@ class ProgramProcess {
   bool clocked_;
   OnLine on_line_;
   LineSplitter splitter_;
-  std::vector<std::string> lines_;  // printed, and not passed on
-  std::size_t lines_bytes_ = 0;
+  std::deque<std::string> lines_;  // printed, and not passed on
+  std::size_t lines_bytes_ = 0, dropped_count_ = 0;
   link::OwnedDescriptor output_, socket_;
   std::unique_ptr<ChildProcess> child_;
   std::unique_ptr<SharedProcessor> together_;

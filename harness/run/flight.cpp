@@ -315,6 +315,7 @@ void Conductor::Remove(std::size_t fault) {
   const std::vector<faults::FaultEvent> cut = {{faults::FaultEvent::Kind::kCut, fault, end_ns}};
   server_.Hear(cut);
   for (ClientChannel& channel : channels_) channel.Hear(cut);
+  for (BoardLine& line : board_lines_) line.Hear(cut);
   if (!started() || spec.start_ns >= end_ns)
     NeverBegins(spec);
   else

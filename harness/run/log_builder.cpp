@@ -95,7 +95,13 @@ void LogBuilder::Add(const Record& of, const record::Event& event) {
 }
 
 void LogBuilder::Add(const Record& of, const record::FirmwareText& line) {
-  ClientOf(of).firmware_log += fmt::format("{:.6f} {}\n", ToSeconds(of.time_ns), line.text);
+  std::string& log = ClientOf(of).firmware_log;
+  if (log.size() > kFirmwareLogBytesMax) return;
+  log += fmt::format("{:.6f} {}\n", ToSeconds(of.time_ns), line.text);
+  if (log.size() > kFirmwareLogBytesMax)
+    log +=
+        fmt::format("{:.6f} tiltproof: the log is full ({} MiB): later lines of the firmware are not kept\n",
+                    ToSeconds(of.time_ns), kFirmwareLogBytesMax >> 20);
 }
 
 void LogBuilder::Add(const Record& of, const record::Accepted& accepted) {

@@ -6,6 +6,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "faults/registry.h"
 #include "harness/run/late_periods.h"
 #include "harness/score/clean_line.h"
 #include "harness/score/client_behaviour.h"
@@ -380,7 +381,7 @@ void Conclude(Score& score, Verdict expected) {
   for (const auto& fault : score.faults)
     if (fault.activations == 0) {
       score.cause = VerdictCause::kNeverActivated;
-      score.reason = "fault '" + fault.id + "' never activated";
+      score.reason = NeverActivated(fault, score);
       return;
     }
 }
@@ -481,6 +482,20 @@ void DoubtForLateness(Score& score, const Scenario& scenario, const RunLog& log)
 }
 
 }  // namespace
+
+bool StatesComputing(const Score& score) {
+  return std::any_of(score.metrics.begin(), score.metrics.end(),
+                     [](const auto& metric) { return metric.first.ends_with("deadline_missed_count"); });
+}
+
+std::string NeverActivated(const FaultResult& fault, const Score& score) {
+  const faults::FaultType* const type = faults::FindFaultType(fault.type);
+  const bool wants_computing = type != nullptr && type->needs == faults::Needs::kComputing;
+  return "fault '" + fault.id + "' never activated" +
+         (wants_computing && !StatesComputing(score)
+              ? ": the firmware states no computing time that it could stretch (docs/nmpc.md)"
+              : "");
+}
 
 Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& options) {
   Check(log.clients.size() == scenario.client_count(), "a flight has a log for each client of its scenario");

@@ -70,6 +70,11 @@ struct Score {
   TILTPROOF_FIELDS(verdict, cause, reason, metrics, histograms, criteria, faults, restarts)
 };
 
+// True if a firmware of the flight stated that it computed (TiltproofHost.compute).
+bool StatesComputing(const Score& score);
+// Reason of a flight in which a fault did nothing.
+std::string NeverActivated(const FaultResult& fault, const Score& score);
+
 struct ScoreOptions {
   bool over_time = false;  // the robustness of each formula over time, too
 };

@@ -196,6 +196,8 @@ class Flight:
 
     def _send(self, request: Mapping[str, object]) -> None:
         assert self._session.stdin is not None
+        if self._session.stdin.closed:
+            raise Error(f"`tiltproof session` has ended, with code {self._session.returncode}")
         try:
             self._session.stdin.write(json.dumps(request).encode() + b"\n")
             self._session.stdin.flush()
@@ -206,12 +208,14 @@ class Flight:
         assert self._session.stdout is not None
         line = self._session.stdout.readline()
         if not line:
-            raise Error(self._close() or "the session has ended")
+            said = self._close()
+            raise Error(said or f"`tiltproof session` ended without an answer, with code {self._session.returncode}")
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
             raise RequestError(f"{answer['error']['message']} ({answer['error']['place']})")
         if "ended" in answer:
             self._result = Result(answer)
+            self.time_s = self._result.metrics.get("survival.time_s", self.time_s)
             self._close()
         else:
             self.time_s = answer["time_s"]

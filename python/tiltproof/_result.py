@@ -96,4 +96,5 @@ class Result:
         return "1 of 1 equal" in run(["replay", str(self.folder)], accepted=(0, 1))
 
     def __repr__(self) -> str:
-        return f"<Result {self.verdict}: {self.reason}; again: {self.replay}>"
+        reason = f": {self.reason}" if self.reason else ""
+        return f"<Result {self.verdict}{reason}; again: {self.replay}>"

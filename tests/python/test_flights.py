@@ -221,6 +221,7 @@ def test_a_firmware_that_crashes_does_not_take_the_script_along(scenario: pathli
         with pytest.raises(tiltproof.FlightOver):
             flight.advance(5)
     assert flight.result.end_reason == "firmware_crashed"
+    assert f"crashed at {flight.time_s:.3f} s" in flight.result.reason and flight.time_s > 0
 
 
 def test_a_killed_worker_is_an_answer(scenario: pathlib.Path) -> None:
@@ -232,6 +233,14 @@ def test_a_killed_worker_is_an_answer(scenario: pathlib.Path) -> None:
         with pytest.raises(tiltproof.FlightOver, match="killed by signal 9"):
             flight.advance(1)
     assert flight.result.verdict == "error"
+
+
+def test_a_killed_session_is_named(scenario: pathlib.Path) -> None:
+    with pytest.raises(tiltproof.Error, match="ended without an answer, with code -9"):
+        with tiltproof.fly(scenario) as flight:
+            flight.advance(1)
+            flight._session.kill()
+            flight.advance(1)
 
 
 def test_margins_and_campaigns_are_rows(scenario: pathlib.Path) -> None:

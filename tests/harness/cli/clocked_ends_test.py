@@ -1,12 +1,10 @@
 #!/usr/bin/env python3
 """How programs under the virtual clock end a flight, in the words for libraries, and what is left of them. Usage: clocked_ends_test.py TILTPROOF"""
-import signal
 import subprocess
 import sys
 import time
 import unittest
 
-from command_line import PROGRAM
 from program_flights import ProgramFlights
 
 # Answers nothing. Waits for its first wake-up, then does what its argument says.
@@ -66,14 +64,7 @@ class ClockedEndsTest(ProgramFlights):
         self.scenario("long", **{"duration_s: 0.6": "duration_s: 300"})
         client = self.client("blocks")
         subprocess.run(["mkfifo", self.folder / "pipe"], check=True)
-        with subprocess.Popen([PROGRAM, "run", "long.yaml", "--no-report", "--client", client], cwd=self.folder, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL) as running:
-            for _ in range(200):
-                if any("firmware.py" in command for command in self.processes()):
-                    break
-                time.sleep(0.05)
-            running.send_signal(signal.SIGKILL)
-        self.await_none()
+        self.killed("long.yaml", client, "firmware.py")
 
 
 if __name__ == "__main__":

@@ -46,6 +46,19 @@ class ClockedTest(ProgramFlights):
             self.assertEqual({name: entry["trace_hash"] for name, entry in clocked.items()}, hashes, (flags, text))
         self.await_none()
 
+    def test_a_command_is_read_as_a_shell_reads_it(self):
+        self.write(["clean"])
+        (self.folder / "my firmware (2)").mkdir()
+        shutil.copy(POSIX.split()[0], self.folder / "my firmware (2)/fw")
+        ports = POSIX.split(maxsplit=1)[1]
+        hashes = set()
+        for command in (f"'./my firmware (2)/fw' {ports}", f"./my\\ firmware\\ \\(2\\)/fw {ports}", f'NAME="a b;c" "./my firmware (2)/fw" {ports} 2>&1',
+                        f"$PWD/my?firmware*/fw {ports}", f"true; cd . && exec './my firmware (2)/fw' {ports}"):
+            code, text, results = self.flown("clean.yaml", client=f"clocked:{command}")
+            self.assertEqual((code, results["clean"]["verdict"]), (0, "pass"), (command, text))
+            hashes.add(results["clean"]["trace_hash"])
+        self.assertEqual(len(hashes), 1)
+
     def test_python_three_times(self):
         paths = self.write(["clean", "noise"])
         seen = []
@@ -85,8 +98,11 @@ class ClockedTest(ProgramFlights):
         os.chmod(self.folder / "privileged", 0o4755)
         (self.folder / "script").write_text(f"#!{self.folder}/static\n")
         os.chmod(self.folder / "script", 0o755)
+        (self.folder / "my files").mkdir()
+        shutil.copy(self.folder / "static", self.folder / "my files")
         for command, reason in {"./static": "is statically linked", "exec ./static {port}": "is statically linked",
                                 "A=1 ./static {port} > log": "is statically linked", "./script": "is statically linked",
+                                "'./my files/static' {port} 'a;b'": "is statically linked", "exec ./my\\ files/static": "is statically linked",
                                 "./privileged": "set-user-ID", "./missing {port}": "no program at ./missing",
                                 "./a {prot}": "did you mean {port}?"}.items():
             code, out, err = self.tiltproof("run", "held.yaml", "--client", f"clocked:{command}", "--no-report")

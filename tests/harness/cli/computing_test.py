@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Computing takes time, as a user sees it: commands leave exactly that much later, faults stretch it, and what cannot be
 stretched is refused. Usage: computing_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
+import json
 import pathlib
 import sys
 import unittest
@@ -9,6 +10,7 @@ from command_line import PROGRAM, CommandLineTest
 
 CLIENTS = pathlib.Path(sys.argv[3]).resolve()
 NMPC = PROGRAM.parent / "lib/nmpc_firmware.so"
+MINIMAL = PROGRAM.parent / "lib/minimal_firmware.so"
 LINE = """\
 name: NAME
 duration_s: 0.6
@@ -107,8 +109,48 @@ class ComputingTest(CommandLineTest):
         self.assertIn("in real time computing takes what it takes", self.refusal(numbers(compute_us=5) + slow(2), "--mode", "realtime"))
         self.assertIn("and this client states none", self.refusal(numbers(compute_us=5) + slow(2), "--client", "clocked:true"))
         # A library of the user's that states none is not seen before it flies: nothing is stretched.
-        minimal = PROGRAM.parent / "lib/minimal_firmware.so"
-        self.assertEqual(self.flown(slow(2), "--client", f"library:{minimal}")["verdict"], "inconclusive")
+        result = self.flown(slow(2), "--client", f"library:{MINIMAL}")
+        self.assertEqual((result["verdict"], result["reason"]),
+                         ("inconclusive", "fault 'hot' never activated: the firmware states no computing time that it could stretch (docs/nmpc.md)"))
+        faster = self.flown(numbers(compute_us=5) + slow(1), name="faster")
+        self.assertEqual(faster["reason"], "fault 'hot' never activated")
+
+    def test_a_script_cannot_stretch_what_the_build_does_not_state(self):
+        path = self.scenario("steered", LINE, KEYS="")
+        _, out, err = self.tiltproof("session", path, "--no-report",
+                                     stdin=b'{"inject": {"type": "device.slow_cpu", "parameters": {"factor": 2}}}\n{"stop": true}\n')
+        self.assertIn("the build 'lqr' states none here", out, err)
+
+    def test_a_campaign_does_not_draw_it_for_a_firmware_that_states_none(self):
+        types = "types: [device.slow_cpu, device.reset]"
+        for name, client, drawn in (("none", f"library:{MINIMAL}", False), ("program", f"program:{PROGRAM.parent / 'lib/minimal_program'}", False),
+                                    ("planner", f"library:{NMPC}", True)):
+            file = self.folder / f"{name}.yaml"
+            file.write_text(f"campaign: {name}\nscenarios: [{self.scenario('base', LINE, KEYS=numbers(compute_us=100) if drawn else '')}]\n"
+                            f"runs_count: 6\ndraw: {{{types}}}\n")
+            code, out, err = self.tiltproof("campaign", file, "--client", client, "--out", name, "--no-report")
+            self.assertIn(code, (0, 1), out + err)
+            self.assertEqual("device.slow_cpu" in err, not drawn, err)
+            _, again, told = self.tiltproof("campaign", "--resume", name, "--no-report")
+            self.assertEqual("device.slow_cpu" in told, not drawn, told)
+            frame = json.loads((self.folder / name / "campaign.json").read_text())
+            self.assertEqual("device.slow_cpu" in json.dumps(frame), drawn)
+        file.write_text(file.read_text().replace(", device.reset", ""))
+        code, out, err = self.tiltproof("campaign", file, "--client", f"library:{MINIMAL}", "--out", "nothing")
+        self.assertEqual(code, 2, out + err)
+        self.assertIn("device.slow_cpu stretches the computing time that a firmware states, and this one states none", " ".join(err.split()))
+    def test_searches_do_not_say_that_such_a_firmware_survives_it(self):
+        path = self.scenario("margin", LINE, KEYS=slow(2))
+        for client in (f"library:{MINIMAL}", f"program:{PROGRAM.parent / 'lib/minimal_program'}"):
+            code, out, err = self.tiltproof("margin", path, "--fault", "hot", "--client", client)
+            self.assertEqual(code, 2, out + err)
+            self.assertIn("margin.yaml:9:21: fault 'hot' (device.slow_cpu) stretches the computing time that a firmware states, and this one states none",
+                          " ".join(err.split()))
+        base = self.scenario("base", LINE, KEYS="\nfaults: [{id: f, type: harness.null, start_s: 0.2, end_s: 0.5}]")
+        code, out, err = self.tiltproof("envelope", base, "--types", "device.slow_cpu,device.task_delay", "--client", f"library:{MINIMAL}", "--no-report")
+        self.assertIn(code, (0, 1), out + err)
+        found = json.loads((self.folder / "results/envelope/envelope.json").read_text())
+        self.assertEqual([(other["type"], "states none" in other["reason"]) for other in found["not_applicable"]], [("device.slow_cpu", True)])
 
 
 if __name__ == "__main__":

@@ -71,6 +71,38 @@ class LinesTest(CommandLineTest):
         done, out, err = self.tiltproof("replay", self.latest() / "noisy")
         self.assertEqual(done, 0, out + err)
 
+    def steer(self, name, *requests):
+        """The answers to these requests, without the greeting."""
+        text = "".join(json.dumps(request) + "\n" for request in requests)
+        _, out, err = self.tiltproof("session", self.folder / f"{name}.yaml", "--no-report", "--client", LIBRARY, stdin=text.encode())
+        answers = [json.loads(line) for line in out.splitlines()]
+        self.assertEqual(len(answers), len(requests) + 1, out + err)
+        return answers[1:]
+
+    def test_a_session_injects_and_ends_them_as_a_file_has_them(self):
+        self.write("steered")
+        noise = {"id": "noise", "type": "wire.bit_error", "target": "cross_to_a", "duration_s": 0.3, "parameters": {"ber": 0.002}}
+        cut = {"id": "cut", "type": "link.silence", "target": "cross_to_b"}
+        _, began, unknown, whole, _, silent, _, removed, ended = self.steer(
+            "steered", {"advance_s": 0.4}, {"inject": noise}, {"inject": {**cut, "target": "cross_to_c"}}, {"inject": {**noise, "type": "frame.drop"}},
+            {"advance_s": 0.2}, {"inject": cut}, {"advance_s": 0.1}, {"remove": "cut"}, {"finish": True})
+        self.assertIn("target: unknown value 'cross_to_c'", unknown["error"]["message"])
+        self.assertIn("acts on whole frames, and the line carries bytes as they are", whole["error"]["message"])
+        # A line that is busy makes them wait for its bytes.
+        for answer, at_s, key in ((began, 0.408, "start_s"), (silent, 0.612, "start_s"), (removed, 0.72, "end_s")):
+            self.assertTrue(at_s <= answer[key] < at_s + 0.003, answer)
+        heard = {client: self.heard("steered", client) for client in "ab"}
+        self.assertGreater(heard["a"][-1][1], 10)
+        self.assertLess(heard["b"][-1][0], heard["a"][-1][0], "bytes were lost")
+        self.assertTrue(all(fault["activations"] > 0 for fault in ended["result"]["faults"]), ended)
+        code, out, err = self.tiltproof("replay", self.latest())
+        self.assertEqual(code, 0, out + err)
+        self.write("filed", faults="faults:\n"
+                   f"  - {{id: noise, type: wire.bit_error, target: cross_to_a, start_s: {began['start_s']}, end_s: {began['start_s'] + 0.3:.9f}, parameters: {{ber: 0.002}}}}\n"
+                   f"  - {{id: cut, type: link.silence, target: cross_to_b, start_s: {silent['start_s']}, end_s: {removed['end_s']}}}")
+        self.assertEqual(self.fly("filed")["trace_hash"], ended["result"]["trace_hash"])
+        self.assertEqual({client: self.heard("filed", client) for client in "ab"}, heard)
+
     def test_the_dump_names_line_and_way(self):
         self.write("dumped", faults="faults: [{id: cut, type: link.silence, target: cross_to_b, start_s: 0.5}]")
         self.fly("dumped")

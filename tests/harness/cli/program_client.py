@@ -88,6 +88,14 @@ def misbehave(now_ns):
         return now_ns + 1
     if WAY == "print":
         print("x" * 4_000_000)
+    if WAY == "print_always":
+        print("x" * 200_000)
+    if WAY == "print_and_exit":
+        print("no calibration")
+        sys.exit(3)
+    if WAY == "print_and_raise":
+        print("\n".join(f"line {number} " + "x" * 40 for number in range(60_000)))
+        raise ValueError("behind three megabytes")
     if WAY == "leave_child":
         for detach in (False, True):
             if os.fork() == 0:
@@ -114,7 +122,7 @@ for event in program:
     if event.kind == "reset":
         firmware = Firmware(program)
     until_ns = firmware.run(event.now_ns)
-    if event.now_ns >= AT_NS and (not done or WAY in ("nanoseconds", "backwards")):
+    if event.now_ns >= AT_NS and (not done or WAY in ("nanoseconds", "backwards", "print_always")):
         done = True
         instead = misbehave(event.now_ns)
         until_ns = until_ns if instead is None else instead

@@ -1,9 +1,11 @@
 """Flights of programs in a folder of their own, and a look at what is left of their processes."""
 import os
 import pathlib
+import signal
+import subprocess
 import time
 
-from command_line import CommandLineTest
+from command_line import PROGRAM, CommandLineTest
 
 
 class ProgramFlights(CommandLineTest):
@@ -29,3 +31,16 @@ class ProgramFlights(CommandLineTest):
                 return
             time.sleep(0.1)
         self.assertEqual(self.processes(), [])
+
+    def killed(self, path, client, name):
+        """Flies, and kills tiltproof (SIGKILL) when a process with this name in its command flies with it: nothing is left."""
+        with subprocess.Popen([PROGRAM, "run", path, "--no-report", "--client", client], cwd=self.folder, stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL) as running:
+            for _ in range(200):
+                if any(name in command for command in self.processes()):
+                    break
+                time.sleep(0.05)
+            else:
+                self.fail("its program never flew")
+            running.send_signal(signal.SIGKILL)
+        self.await_none()

@@ -3,11 +3,12 @@
 that do what they must not. Usage: program_test.py TILTPROOF SOURCE_DIR"""
 import json
 import pathlib
+import re
+import resource
 import shutil
 import signal
 import subprocess
 import sys
-import time
 import unittest
 
 from command_line import PROGRAM
@@ -84,6 +85,8 @@ class ProgramTest(ProgramFlights):
 
     FATAL = {"exception": r"exited with code 1 in grant: ValueError: beyond the last sensor at .*program_client.py:\d+",
              "exit": "exited with code 3 in grant", "exit_0": "exited with code 0 in grant",
+             "print_and_exit": "exited with code 3 in grant; it printed last: no calibration",
+             "print_and_raise": "exited with code 1 in grant: ValueError: behind three megabytes",
              "crash": "crashed in grant: Segmentation fault", "killed": "crashed in grant: Killed",
              "close": "closed its socket in grant",
              "garbage": r"broke the protocol of docs/program.md in grant: kind 47, .* at byte \d+ of what it sent \(47 45 54 20 2f 20 48 54\)",
@@ -102,6 +105,20 @@ class ProgramTest(ProgramFlights):
             rows = (self.latest() / way / "trace.csv").read_text().splitlines()
             self.assertGreater(len(rows), 10, "the flight so far is kept")
             self.await_none()
+
+    def test_its_log_keeps_the_last_lines_before_an_end_and_says_what_it_lacks(self):
+        self.misbehaving("print_and_raise")
+        log = (self.latest() / "print_and_raise/firmware.log").read_text()
+        self.assertRegex(log, r"^\d+\.\d+ tiltproof: \d{5} lines before this one are not kept: they came at once\n")
+        kept = [int(number) for number in re.findall(r" line (\d+) x{40}\n", log)]
+        self.assertEqual(kept, list(range(kept[0], kept[-1] + 1)))
+        self.assertTrue(10_000 < kept[0] < kept[-1] == 59_999, (kept[0], kept[-1]))
+        self.assertIn("ValueError: behind three megabytes", log)
+        code, text, _ = self.misbehaving("print_always")
+        self.assertEqual(code, 0, text)
+        log = (self.latest() / "print_always/firmware.log").read_text()
+        self.assertTrue(log.endswith(" tiltproof: the log is full (1 MiB): later lines of the firmware are not kept\n"), log[-200:])
+        self.assertLess(len(log), (1 << 20) + 2000)
 
     def test_in_a_process_of_its_own_too(self):
         for way in ("exception", "crash", "garbage"):
@@ -124,12 +141,16 @@ class ProgramTest(ProgramFlights):
         self.await_none()
 
     def test_programs_that_never_fly(self):
-        for way, reason in {"ends_at_once": "exited with code 1 and has not connected to TILTPROOF_SOCKET: nothing to do here",
+        for way, reason in {"ends_at_once": "exited with code 1 and has not connected to TILTPROOF_SOCKET (docs/program.md): nothing to do here",
                             "refuses": "cannot be firmware 'paper' with dialect 'paper': no such build",
                             "another_version": "speaks version 7 of docs/program.md, this tiltproof version 1"}.items():
             code, text, entry = self.misbehaving(way)
             self.assertEqual((code, entry["verdict"]), (3, "error"), (way, text))
             self.assertIn(reason, entry["reason"])
+        self.scenario("background")
+        code, text, results = self.flown("background.yaml", client=f"{python('calm')} &")
+        self.assertEqual((code, results["background"]["verdict"]), (3, "error"), text)
+        self.assertIn("one that goes into the background must stay in the foreground", results["background"]["reason"])
         code, text, entry = self.misbehaving("wrong_greeting")
         self.assertEqual((code, entry["verdict"]), (1, "fail"), text)
         self.assertIn("its first message is not `ready`", entry["reason"])
@@ -167,16 +188,22 @@ class ProgramTest(ProgramFlights):
         self.assertEqual(code, 0, text)
         self.await_none()
 
+    def test_results_that_cannot_be_written_end_the_program(self):
+        def small_files():  # as on a full disk: nothing larger than this
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+        self.scenario("full")
+        done = subprocess.run([PROGRAM, "run", "full.yaml", "--no-report", "--client", MINIMAL], cwd=self.folder, capture_output=True, text=True,
+                              check=False, preexec_fn=small_files)
+        self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
+        self.assertIn("the flight's results are missing: cannot write", " ".join(done.stdout.split()))
+        self.assertEqual(self.results()["scenarios"][0]["verdict"], "error")
+        self.await_none()
+
     def test_nothing_is_left_when_tiltproof_is_killed(self):
         self.scenario("sleep")
-        with subprocess.Popen([PROGRAM, "run", "sleep.yaml", "--client", python("sleep")], cwd=self.folder, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL) as process:
-            for _ in range(100):
-                if any("program_client" in command for command in self.processes()):
-                    break
-                time.sleep(0.1)
-            process.send_signal(signal.SIGKILL)
-        self.await_none()
+        self.killed("sleep.yaml", python("sleep"), "program_client")
 
     def test_mistakes(self):
         self.scenario("hover")

@@ -2,6 +2,7 @@
 """The lines of `tiltproof session` as any language sends them (docs/session.md). Usage: session_test.py TILTPROOF"""
 import json
 import pathlib
+import resource
 import signal
 import subprocess
 import sys
@@ -27,14 +28,14 @@ class SessionTest(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
         (self.folder / "hover.yaml").write_text(HOVER)
 
-    def begin(self, *more):
+    def begin(self, *more, **how):
         return subprocess.Popen([PROGRAM, "session", "hover.yaml", *more], cwd=self.folder, stdin=subprocess.PIPE,
-                                stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, **how)
 
-    def talk(self, *lines, more=()):
+    def talk(self, *lines, more=(), **how):
         """All requests at once; the answers, and the exit code."""
         text = "".join((line if isinstance(line, str) else json.dumps(line)) + "\n" for line in lines)
-        session = self.begin(*more)
+        session = self.begin(*more, **how)
         out, self.errors = session.communicate(text.encode(), timeout=60)
         return [json.loads(line) for line in out.splitlines()], session.returncode
 
@@ -96,6 +97,25 @@ class SessionTest(unittest.TestCase):
             answers, code = self.talk(more=more)
             self.assertEqual((answers, code), ([], 2), more)
             self.assertIn(message, self.errors)
+
+    def test_results_that_cannot_be_written_are_the_answer(self):
+        def small_files():  # as on a full disk: nothing larger than this
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+
+        answers, code = self.talk({"advance_s": 0.5}, {"read": ["z_m"]}, {"finish": True}, more=["--no-report"], preexec_fn=small_files)
+        self.assertAlmostEqual(answers[2]["values"]["z_m"], 2, places=2)
+        self.assertEqual((code, answers[-1]["ended"], answers[-1]["result"]["verdict"]), (3, "error", "error"))
+        self.assertRegex(answers[-1]["result"]["reason"], r"the flight's results are missing: cannot write .*trace\.csv: File too large")
+        self.assertFalse(list(self.folder.glob("results/latest/hover/trace.csv*")))
+        results = json.loads((self.folder / "results/latest/results.json").read_text())
+        self.assertEqual(results["scenarios"][0]["verdict"], "error")
+
+    def test_the_command_that_flies_again_is_for_a_shell(self):
+        (hello, ended), _ = self.talk({"stop": True}, more=["--out", "my flights (2)", "--no-report"])
+        self.assertTrue(hello["replay"].endswith(f" replay '{hello['folder']}'"), hello)
+        again = subprocess.run(hello["replay"], shell=True, cwd=self.folder, capture_output=True, text=True, check=False)
+        self.assertIn("1 of 1 equal", again.stdout, again.stderr)
 
     def test_an_interrupt_ends_it_in_order(self):
         session = self.begin()
