@@ -284,6 +284,11 @@ class Images {
           "--client {}: there is no image of the build lqr, because an image has no vehicle's parameters; "
           "fly it with --client host, or put the header of `design-lqr --header` into your own image",
           ToText(image)));
+    if (image.file.empty() && image.scheduler == "freertos" &&
+        (firmware == "failover" || firmware == "triplex"))
+      throw UsageError(
+          fmt::format("--client {}: the build {} has no image under FreeRTOS; fly it with --client qemu",
+                      ToText(image), firmware));
     if (!std::filesystem::is_regular_file(file))
       throw UsageError(fmt::format("--client {}: no image at {}{}", ToText(image), file.string(),
                                    !image.file.empty() ? ""
