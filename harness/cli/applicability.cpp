@@ -60,6 +60,14 @@ std::string WhyUnwatchable(const std::string& variable, const ClientSpec& client
   }
 }
 
+// Place of a line among those of the client.
+std::size_t PlaceOfLine(const Scenario& scenario, const std::string& client, std::size_t line) {
+  const std::vector<LineEndId> ends = scenario.line_ends_of(scenario.FindClient(client).value());
+  const auto end =
+      std::find_if(ends.begin(), ends.end(), [&](const LineEndId& each) { return each.line == line; });
+  return static_cast<std::size_t>(end - ends.begin());
+}
+
 // Lines between boards that the clients cannot have.
 void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec>& clients, bool realtime,
                           std::vector<Problem>& problems) {
@@ -81,7 +89,7 @@ void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec
       const ClientSpec& client = clients.at(scenario.FindClient(id).value());
       const auto* image = std::get_if<EmulatedImage>(&client);
       const auto* program = std::get_if<LockstepProgram>(&client);
-      if (image != nullptr && !image->line_usarts.contains(entry.id))
+      if (image != nullptr && !LineUsart(*image, entry.id, PlaceOfLine(scenario, id, line)))
         complain(fmt::format("the image of client '{}' has no USART for it: add ,{}=usartN to --client", id,
                              entry.id));
       if (program != nullptr && program->clocked)
@@ -277,6 +285,11 @@ class Images {
           "--client {}: there is no image of the build lqr, because an image has no vehicle's parameters; "
           "fly it with --client host, or put the header of `design-lqr --header` into your own image",
           ToText(image)));
+    if (image.file.empty() && image.scheduler == "freertos" &&
+        (firmware == "failover" || firmware == "triplex"))
+      throw UsageError(
+          fmt::format("--client {}: the build {} has no image under FreeRTOS; fly it with --client qemu",
+                      ToText(image), firmware));
     if (!std::filesystem::is_regular_file(file))
       throw UsageError(fmt::format("--client {}: no image at {}{}", ToText(image), file.string(),
                                    !image.file.empty() ? ""

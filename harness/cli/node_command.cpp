@@ -30,6 +30,7 @@ struct NodeCommandOptions {
   std::string name;
   std::string client;     // of client and link nodes
   std::string client_id;  // the same, of several clients
+  std::string cable;      // the same, on two hosts
   std::string input;      // of joystick nodes
   int domain = 0;
   std::string tag;
@@ -127,12 +128,33 @@ void CheckFlags(const NodeCommandOptions& options) {
     throw UsageError(fmt::format("--client: a {} node has none", options.kind));
   if (!options.client_id.empty() && !takes_client)
     throw UsageError(fmt::format("--id: a {} node serves all clients", options.kind));
+  if (!options.cable.empty() && !takes_client)
+    throw UsageError(fmt::format("--cable: a {} node has none", options.kind));
   if (options.http_port && options.kind != "monitor")
     throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
   if (!options.run.empty() && options.kind != "monitor")
     throw UsageError(fmt::format("--run: a {} node has none; a monitor has one", options.kind));
   if (!options.input.empty() && options.kind != "joystick")
     throw UsageError(fmt::format("--input: a {} node has none", options.kind));
+}
+
+// The ends of the cables that this node has. Throws UsageError.
+SerialBoard CableOf(const NodeCommandOptions& options, const std::optional<ClientSpec>& client) {
+  const bool has_ports =
+      client && (std::holds_alternative<HostLibrary>(*client) || std::holds_alternative<Program>(*client));
+  if (options.kind == "client" && !has_ports)
+    throw UsageError(
+        fmt::format("--cable: --client {} has no serial ports of its own; host, library:FILE and "
+                    "process:CMD have",
+                    options.client));
+  if (options.kind == "link" && client)
+    throw UsageError("--cable: --client serial:DEV[,REFDEV] names the cables of a link node already");
+  try {
+    auto cable = std::get<SerialBoard>(ParseClient("serial:" + options.cable));
+    if (cable.reset.empty()) return cable;
+  } catch (const ClientMistake&) {
+  }
+  throw UsageError(fmt::format("--cable {}: must be DEVICE or DEVICE,DEVICE", options.cable));
 }
 
 int NodeCommand(const NodeCommandOptions& options) {
@@ -194,6 +216,7 @@ int NodeCommand(const NodeCommandOptions& options) {
     case dds::NodeKind::kHarness:
       ThrowBrokenInvariant("a kind of node that a user may start");
   }
+  if (!options.cable.empty()) node.cable = CableOf(options, node.client);
   if (options.child.empty()) TellWhere(node, options.kind);
   return RunNode(node, make_role);
 }
@@ -213,6 +236,12 @@ void RegisterNode(CLI::App& program, CommandLine& line) {
       ->add_option("--id", options->client_id,
                    "client, link: the id of the client in scenarios with several; each has both nodes")
       ->type_name("ID");
+  command
+      ->add_option(
+          "--cable", options->cable,
+          "client, link: this node's ends of the serial cables between the two, on two hosts: main line "
+          "and line for references")
+      ->type_name("DEV[,REFDEV]");
   command->add_option("--input", options->input, "joystick: /dev/input/js0, an event device, or a recording");
   command->add_option("--name", options->name, "Name on the bus (default: kind, host and process)");
   AddBus(*command, options->domain, options->interface, options->peers);

@@ -116,6 +116,9 @@ class EmulatorClient final : public Client {
     for (const std::string& name : watch) watched_.push_back(FindVariable(spec.image, name));
     spec_.ideal_lines = lines.main.baud == 0;
     board_.emplace(spec_);
+    // As a user programs the chip, before its first instruction.
+    if (const auto place = symbols_->FindConstant(kPlaceSymbol))
+      board_->Send(lockstep::Kind::kWriteCode, lockstep::WriteCode{place->address, spec_.place});
     stacks_.emplace(*symbols_);
     stacks_->Watch(*board_);
   }

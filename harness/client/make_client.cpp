@@ -47,12 +47,13 @@ std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSetting
                                    ClientHost host) {
   if (const auto* image = std::get_if<EmulatedImage>(&client)) {
     EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
+    board.place = static_cast<std::uint32_t>(settings.place);
     for (const auto& [id, rate] : settings.lines.between) {
-      const auto usart = image->line_usarts.find(id);
-      if (usart == image->line_usarts.end())
+      const auto usart = LineUsart(*image, id, board.line_usarts.size());
+      if (!usart)
         throw std::runtime_error(
             fmt::format("{}: the line '{}' has no USART: add ,{}=usartN", ToText(client), id, id));
-      board.line_usarts.push_back(usart->second);
+      board.line_usarts.push_back(*usart);
     }
     if (settings.debug) board.gdb_port = settings.debug->port;
     board.halted = settings.debug && !settings.debug->at_ns;

@@ -28,6 +28,7 @@ struct ClientSettings {
   bool coverage = false;  // it tells what code it executes
   // Makes the text TiltproofHost::parameters (harness/run/client_parameters.h).
   std::function<std::string()> parameters = {};
+  std::size_t place = 0;  // of this client among several
 };
 
 // The build that flies any vehicle with a gain of its own.

@@ -185,6 +185,13 @@ std::optional<MemoryRegion> ElfSymbols::FindRegion(std::string_view name) const 
   return MemoryRegion{variable.address, variable.size_bytes};
 }
 
+std::optional<MemoryRegion> ElfSymbols::FindConstant(std::string_view name) const {
+  const auto variables = FindVariables(name);
+  if (variables.size() != 1) return std::nullopt;
+  const MemoryRegion region{variables.front()->address, variables.front()->size_bytes};
+  return Holds(kFlash, region.address, region.size_bytes) ? std::optional(region) : std::nullopt;
+}
+
 std::string ElfSymbols::NameAt(std::uint32_t address) const {
   const Symbol* found = nullptr;
   for (const Symbol& symbol : symbols_)

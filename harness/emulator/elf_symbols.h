@@ -24,6 +24,8 @@ class ElfFile;
 inline constexpr std::string_view kStatusSymbol = "tiltproof_status";
 // And one of this name with its role among several boards, of up to four bytes, the least significant first.
 inline constexpr std::string_view kRoleSymbol = "tiltproof_role";
+// And a constant of this name, a word in flash: the harness writes the board's place among several there.
+inline constexpr std::string_view kPlaceSymbol = "tiltproof_place";
 
 class ElfSymbols {
  public:
@@ -39,7 +41,9 @@ class ElfSymbols {
   // name with its namespaces). A static one also by its file, as `motor.c:state`.
   // Nullopt when there is none, or several of that name.
   std::optional<MemoryRegion> FindRegion(std::string_view name) const;
-  // The same, or std::runtime_error with similar names.
+  // The constant in flash of that name, in the symbol table's or the source's spelling. Nullopt when there is none.
+  std::optional<MemoryRegion> FindConstant(std::string_view name) const;
+  // As FindRegion(), or std::runtime_error with similar names.
   MemoryRegion Region(std::string_view name) const;
   // The main stack, from the initial stack pointer down to one of the symbols that linker scripts have for its lowest address, or as many
   // bytes as _Min_Stack_Size (harness/emulator/image_stacks.h). Nullopt when the image has neither.

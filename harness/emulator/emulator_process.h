@@ -38,7 +38,8 @@ struct EmulatorSpec {
   int main_usart = 2, reference_usart = 3, console_usart = 1;
   // The same of lines to other boards, in their order; at most lockstep::kLineUsartsMax.
   std::vector<int> line_usarts = {};
-  int hse_hz = 8'000'000;  // the crystal's; 0: there is none
+  int hse_hz = 8'000'000;   // the crystal's; 0: there is none
+  std::uint32_t place = 0;  // of the board among several, for an image that asks
   // The processor stops when it has sent such an end of a frame on the main line.
   link::FrameEnd frame_end = std::uint8_t{0};
   // For a debugger: the port of QEMU's gdb server on this machine, 0 for none. The emulator then waits for no one's

@@ -103,7 +103,7 @@ struct ReadMemory {
   std::uint32_t address, size;
 };
 
-// Over what is in flash, too: the flight is over after that.
+// Over what is in flash, too: a constant before the first instruction, or code when the flight is over.
 struct WriteCode {
   std::uint32_t address, word;
 };

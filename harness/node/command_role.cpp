@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "harness/client/serial_program.h"
+#include "harness/node/client_ports.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/firmware_process.h"
 #include "harness/node/firmware_use_watch.h"
@@ -31,7 +32,9 @@ class CommandRole final : public Role {
       : services_(services),
         command_(std::get<Program>(*options.client).command),
         client_id_(options.client_id),
-        states_(services.bus(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {}
+        cable_(options.cable),
+        origin_watch_(services, cable_.has_value(),
+                      [this](Origin origin) { services_.lateness().origin = origin; }) {}
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
@@ -40,16 +43,13 @@ class CommandRole final : public Role {
     return {};
   }
 
-  void Arm(const Ports& ports) override {
-    port_ = FindPort(ports, PartName(scenario_, "client", place_));
-    reference_port_ = FindPort(ports, PartName(scenario_, "client_reference", place_));
-  }
+  void Arm(const Ports& ports) override { ports_ = ClientPortsOf(ports, cable_, scenario_, place_); }
 
   void Start() override {
     log_origin_ = Origin(services_.clock().Now());
     const SerialProgram program = {.command = command_,
-                                   .port = port_,
-                                   .reference_port = reference_port_,
+                                   .port = ports_.main,
+                                   .reference_port = ports_.reference,
                                    .baud = scenario_.link.port_baud(),
                                    .reference_baud = scenario_.link.reference_port_baud(),
                                    .firmware = scenario_.firmware_of(place_),
@@ -96,26 +96,18 @@ class CommandRole final : public Role {
   }
 
  private:
-  // By the plant's clock, which is this machine's: for when it was late.
-  void OnStates() {
-    for (const auto& state : states_.Take())
-      if (state.run_id == services_.run_id() && state.origin_ns != 0 &&
-          (state.phase == dds::Phase::kRunning || state.phase == dds::Phase::kFinished))
-        services_.lateness().origin = Origin(BootTime(state.origin_ns));
-  }
-
   NodeServices& services_;
   std::string command_, client_id_;
+  std::optional<SerialBoard> cable_;
   std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
   std::string parameters_;  // TiltproofHost::parameters of firmware/tiltproof_client.h
-  std::string port_, reference_port_;
+  ClientPorts ports_;
   std::optional<FirmwareProcess> process_;
   std::optional<CpuWaitWatch> watch_;
   std::optional<FirmwareUseWatch> use_;
   Origin log_origin_;  // the firmware's lines have the time since power-on
-  std::shared_ptr<char> alive_ = std::make_shared<char>();
-  dds::Subscriber<dds::RunState> states_;
+  OriginWatch origin_watch_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include "harness/client/firmware_guard.h"
 #include "harness/client/library_client.h"
 #include "harness/client/make_client.h"
+#include "harness/node/client_ports.h"
 #include "harness/node/roles.h"
 #include "harness/run/client_parameters.h"
 #include "harness/run/realtime/client_parts.h"
@@ -32,9 +33,10 @@ class LibraryRole final : public Role {
       : services_(services),
         firmware_(*options.client),
         client_id_(options.client_id),
+        cable_(options.cable),
         timer_(services.loop()),
-        states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
-  }
+        origin_watch_(services, cable_.has_value(),
+                      [this](Origin origin) { origin_ = services_.lateness().origin = origin; }) {}
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     scenario_ = loaded.scenario;
@@ -63,9 +65,9 @@ class LibraryRole final : public Role {
   }
 
   void Arm(const Ports& ports) override {
-    Open(Uart::kMain, FindPort(ports, PartName(scenario_, "client", place_)), scenario_.link.port_baud());
-    Open(Uart::kReference, FindPort(ports, PartName(scenario_, "client_reference", place_)),
-         scenario_.link.reference_port_baud());
+    const ClientPorts own = ClientPortsOf(ports, cable_, scenario_, place_);
+    Open(Uart::kMain, own.main, scenario_.link.port_baud());
+    if (!own.reference.empty()) Open(Uart::kReference, own.reference, scenario_.link.reference_port_baud());
   }
 
   void Start() override {
@@ -187,16 +189,10 @@ class LibraryRole final : public Role {
     states_to_write_.emplace_back(Now(), *state);
   }
 
-  void OnStates() {
-    for (const auto& state : states_.Take())
-      // Only the plant's state has it; perhaps only the last state has arrived.
-      if (state.run_id == services_.run_id() && state.origin_ns != 0)
-        origin_ = services_.lateness().origin = Origin(BootTime(state.origin_ns));
-  }
-
   NodeServices& services_;
   ClientSpec firmware_;
   std::string client_id_;
+  std::optional<SerialBoard> cable_;
   std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
   link::LineRate rate_;
@@ -206,7 +202,7 @@ class LibraryRole final : public Role {
   BootTime power_on_ns_ = BootTime::Never();
   BootTime now_ns_;  // the latest told
   BootTime transmitter_free_ns_;
-  Origin origin_;  // in the plant's clock: that of this machine
+  Origin origin_;  // in this node's clock
   std::vector<std::pair<BootTime, std::string>> lines_;
   std::vector<std::pair<BootTime, std::uint32_t>> states_to_write_;  // of the supervisor, from a time on
   std::optional<std::uint32_t> state_;                               // the last of them
@@ -216,7 +212,7 @@ class LibraryRole final : public Role {
   std::optional<ClientLoss> loss_;
   bool stopped_ = false, lost_ = false;
   std::shared_ptr<char> alive_ = std::make_shared<char>();
-  dds::Subscriber<dds::RunState> states_;
+  OriginWatch origin_watch_;
 };
 
 }  // namespace

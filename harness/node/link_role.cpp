@@ -47,7 +47,8 @@ class LinkRole final : public Role {
   LinkRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         client_id_(options.client_id),
-        board_(options.client ? std::get<SerialBoard>(*options.client) : SerialBoard{}),
+        board_(options.client ? std::get<SerialBoard>(*options.client)
+                              : options.cable.value_or(SerialBoard{})),
         timer_(services.loop()),
         boot_timer_(services.loop()),
         references_(services.bus(), services.members(),
@@ -391,7 +392,7 @@ class LinkRole final : public Role {
   BootTime sent_until_ns_ = BootTime::Earliest();
   std::string client_id_;
   std::size_t place_ = 0;  // of the client in the scenario
-  SerialBoard board_;      // on its cables; names nothing when there is none
+  SerialBoard board_;  // on its cables, or a client node at their other end; names nothing when there is none
   Scenario scenario_;
   std::optional<LocalLine> line_;
   std::optional<SendBacklog> backlog_;  // of a server that sends by itself

@@ -138,6 +138,7 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
   heartbeat_.capabilities = {fmt::format("scheduling={}", rights_.fifo ? "fifo" : "other"),
                              fmt::format("memory={}", rights_.locked_memory ? "locked" : "unlocked")};
   if (options.client) heartbeat_.capabilities.push_back(fmt::format("client={}", KindOf(*options.client)));
+  if (options.cable) heartbeat_.capabilities.emplace_back("cable=serial");
   if (!options.client_id.empty()) heartbeat_.capabilities.push_back(fmt::format("id={}", options.client_id));
 }
 

@@ -39,6 +39,8 @@ struct NodeOptions {
   ScenarioLoader load;
   // Client: the firmware that it is. Link: the board on its cables; without one, it makes pseudo-terminals.
   std::optional<ClientSpec> client;
+  // Client and link, on two hosts: this node's end of the serial cables between them.
+  std::optional<SerialBoard> cable;
   // The same nodes: the id of their client among several.
   std::string client_id;
   // Joystick: a device, or a recording.

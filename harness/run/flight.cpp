@@ -596,7 +596,8 @@ ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
                     .between = between,
                     .faulty = std::any_of(scenario.faults.begin(), scenario.faults.end(), IsOnWire)},
           .start_within_ns = scenario.start_within_ns,
-          .watch = scenario.watch};
+          .watch = scenario.watch,
+          .place = client};
 }
 
 TimeNs StartWait(const Scenario& scenario) {

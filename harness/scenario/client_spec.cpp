@@ -213,6 +213,13 @@ void Add(const SerialBoard& /*board*/, ClientAbilities& abilities) { abilities.n
 
 }  // namespace
 
+std::optional<int> LineUsart(const EmulatedImage& image, const std::string& line, std::size_t index) {
+  if (const auto named = image.line_usarts.find(line); named != image.line_usarts.end()) return named->second;
+  constexpr std::array<int, 2> kOfShipped = {6, 4};
+  const bool knows = image.file.empty() && image.line_usarts.empty() && index < kOfShipped.size();
+  return knows ? std::optional(kOfShipped.at(index)) : std::nullopt;
+}
+
 std::span<const ClientForm> ClientForms() { return kForms; }
 
 ClientSpec ParseClient(const std::string& text) {

@@ -10,6 +10,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <map>
 #include <optional>
 #include <span>
@@ -36,6 +37,10 @@ struct EmulatedImage {
   int hse_hz = 8'000'000;  // the board's crystal, up to 50 MHz; 0: there is none
   friend bool operator==(const EmulatedImage&, const EmulatedImage&) = default;
 };
+
+// The USART of the image's `index`-th line to another board; nullopt: not known. The shipped images have theirs
+// (firmware/ports/stm32f4/other_boards.h), unless the text names some.
+std::optional<int> LineUsart(const EmulatedImage& image, const std::string& line, std::size_t index);
 
 // A program with two serial ports.
 struct Program {

@@ -364,5 +364,18 @@ extern firmware::ControlLaw law;
 extern const Sensors sensors;
 extern const Reference reference;
 
+// firmware/ports/stm32f4/other_boards.h
+#include "firmware/flight_application.h"
+extern firmware::FlightApplication flight_application;
+using firmware::Uart;
+
+// firmware/ports/stm32f4/usart_line.h
+extern UsartRegisters& usart;
+extern ByteRing<kReceiveRingBytes> receive_ring;
+extern ByteRing<kTransmitRingBytes> transmit_ring;
+extern TiltproofReceiveErrorCounts errors;
+extern const std::vector<std::uint8_t> bytes;
+using firmware::Uart;
+
 // firmware/ports/stm32f4/run_statistics.h
 extern std::vector<std::uint32_t> main_stack;

@@ -373,6 +373,17 @@ extern NodeServices& services;
 extern const BoardWiring wiring;
 extern const EmulatedBoard::Callbacks callbacks;
 
+// harness/node/client_ports.h
+extern const Ports ports;
+extern const NodeOptions options;
+extern const Scenario scenario;
+extern const std::size_t place;
+
+// harness/node/origin_follower.h
+extern NodeClock clock;
+extern const dds::PlantState plant_state;
+extern const examples::Function Use;
+
 // harness/node/firmware_process.h
 extern NodeServices& services;
 extern const ChildSpec spec;

@@ -27,6 +27,7 @@ INSTRUCTIONS = {
     "lag_hypotheses": (200_000, "a sample that does not fit: all lags examined"),
     "tolerant_good": (60_000, "tolerant, a good period"),
     "tolerant_hardened": (66_000, "tolerant, a good period in the protocol hardened"),
+    "failover_good": (75_000, "failover, a good period of the standby, with a heartbeat each way"),
     "tolerant_missed": (40_000, "tolerant, no reply: commands at 2, 6 and 10 ms"),
     "tolerant_late": (80_000, "tolerant, a reply at 5 ms: commands at 2, 5, 6 and 10 ms"),
     "tolerant_belief": (150_000, "tolerant, a rotor weakens: the belief about it changes"),

@@ -68,6 +68,8 @@ TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
     return Refuse(problem);
   std::optional<Rotorcraft> vehicle = tiltproof::nmpc::ReadRotorcraft(host->parameters, problem);
   if (!vehicle) return Refuse(problem);
+  if (problem = tiltproof::nmpc::HorizonProblem(options, vehicle->period_s); !problem.empty())
+    return Refuse(problem);
   LqrSetup setup;
   if (!tiltproof::firmware::ReadLqrSetup(host->parameters, setup))
     return Refuse("the protocol does not carry all states of the vehicle");

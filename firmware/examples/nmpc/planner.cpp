@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <system_error>
 #include <thread>
 
@@ -18,14 +19,25 @@ constexpr double kSoftLinear = 1000, kSoftQuadratic = 10000;
 // Distance of the octagon's sides from its centre, as a share of that of its corners.
 const double kOctagon = std::cos(M_PI / 8);
 
+// Longest interval. Over a longer one with constant inputs the hinges swing far, its derivatives are large, and the
+// iterations diverge within some periods: with one of 0.67 s, and of 0.78 s, the inputs were no numbers after a quarter
+// of a second.
+constexpr double kIntervalMax_s = 0.6;
+constexpr double kGrowthMax = 4;
+
+// Sum of n lengths: first, first r, first r^2, ...
+double SumOf(double first, double r, int n) {
+  double total = 0, length = first;
+  for (int k = 0; k < n; ++k, length *= r) total += length;
+  return total;
+}
+
 // The factor of lengths first, first r, first r^2, ... (n of them) whose sum is `sum`.
 double GrowthOf(double first, int n, double sum) {
-  double low = 0.2, high = 4;
+  double low = 0.2, high = kGrowthMax;
   for (int i = 0; i < 200; ++i) {
     const double r = 0.5 * (low + high);
-    double total = 0, length = first;
-    for (int k = 0; k < n; ++k, length *= r) total += length;
-    (total < sum ? low : high) = r;
+    (SumOf(first, r, n) < sum ? low : high) = r;
   }
   return 0.5 * (low + high);
 }
@@ -120,7 +132,13 @@ class PlannerOf final : public Planner {
     return work;
   }
 
-  void Adopt() override { plan_ = next_; }
+  // A plan that diverged holds values that are no numbers: then the plan before goes on, and the next one starts from the state.
+  void Adopt() override {
+    const auto is_finite = [](const auto& value) { return value.allFinite(); };
+    has_plan_ = std::all_of(next_.x.begin(), next_.x.end(), is_finite) &&
+                std::all_of(next_.u.begin(), next_.u.end(), is_finite);
+    if (has_plan_) plan_ = next_;
+  }
 
   std::vector<double> InputAt(double time_s) const override {
     const Input u = InputOf(plan_, time_s);
@@ -264,6 +282,25 @@ std::unique_ptr<Planner> MakeIf(const Rotorcraft& vehicle, const Options& option
 }
 
 }  // namespace
+
+std::string HorizonProblem(const Options& options, double first_s) {
+  const int n = options.intervals;
+  char text[240] = "";
+  const double longest_s = first_s * std::pow(GrowthOf(first_s, n, options.horizon_s), n - 1);
+  if (const double covered_s = SumOf(first_s, kGrowthMax, n); options.horizon_s > covered_s)
+    std::snprintf(
+        text, sizeof(text),
+        "%d intervals cover %.3g s at most, because each is at most %g times as long as the one before: "
+        "horizon_s is %g; use more intervals, or a shorter horizon",
+        n, covered_s, kGrowthMax, options.horizon_s);
+  else if (longest_s > kIntervalMax_s)
+    std::snprintf(
+        text, sizeof(text),
+        "the last of %d intervals over horizon_s = %g is %.3g s long, and at most %g s are allowed, because "
+        "the plan diverges over a longer one; use more intervals, or a shorter horizon",
+        n, options.horizon_s, longest_s, kIntervalMax_s);
+  return text;
+}
 
 std::unique_ptr<Planner> MakePlanner(const Rotorcraft& vehicle, const Options& options) {
   if (auto tiltrotor = MakeIf<2, 2>(vehicle, options)) return tiltrotor;

@@ -5,7 +5,7 @@
 //   const Work work = planner->Plan(start, disturbance, time_s, path);
 //   std::vector<double> u = planner->InputAt(time_s);
 //
-// The horizon's intervals grow from one control period by a constant factor. Each iteration integrates all intervals and
+// The horizon's intervals grow from one control period by a constant factor of at most 4. Each iteration integrates all intervals and
 // their derivatives (on several threads, with equal results for every number of them), and solves one quadratic program.
 // Its states start from the last plan, shifted by the time since then. The cost of the end is that of the linear-quadratic
 // regulator at hover. Inputs have their limits. Roll and pitch stay in an octagon in the circle of the largest tilt, and the
@@ -14,6 +14,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "firmware/examples/nmpc/dynamics.h"
@@ -53,6 +54,9 @@ class Planner {
                                       const Disturbance& disturbance, double length_s) const = 0;
   virtual const std::vector<double>& lengths_s() const = 0;
 };
+
+// Reason that so few intervals cannot cover the horizon; empty: they can. `first_s`: the length of the first one.
+std::string HorizonProblem(const Options& options, double first_s);
 
 std::unique_ptr<Planner> MakePlanner(const Rotorcraft& vehicle, const Options& options);
 

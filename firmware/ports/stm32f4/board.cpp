@@ -1,5 +1,6 @@
 #include "firmware/ports/stm32f4/board.h"
 
+#include "firmware/ports/stm32f4/pins.h"
 #include "firmware/ports/stm32f4/stm32f4.h"
 
 namespace tiltproof::stm32f4 {
@@ -38,16 +39,6 @@ void StartClock() {
   rcc.CFGR = kRccCfgrApb1Div4 | kRccCfgrApb2Div2 | kRccCfgrSwPll;
   while ((rcc.CFGR & kRccCfgrSwsMask) != kRccCfgrSwsPll) {
   }
-}
-
-enum class PinMode : std::uint32_t { kOutput = 1, kAlternate = 2 };
-enum class Pull : std::uint32_t { kNone = 0, kUp = 1 };
-
-void SetPin(GpioRegisters& port, unsigned pin, PinMode mode, unsigned function, Pull pull) {
-  Modify(port.AFR[pin / 8], 0xFU << 4 * (pin % 8), function << 4 * (pin % 8));
-  Modify(port.OSPEEDR, 3U << 2 * pin, 1U << 2 * pin);  // medium: edges fast enough for 1 Mbaud
-  Modify(port.PUPDR, 3U << 2 * pin, static_cast<std::uint32_t>(pull) << 2 * pin);
-  Modify(port.MODER, 3U << 2 * pin, static_cast<std::uint32_t>(mode) << 2 * pin);
 }
 
 // Alternate function 7 is the USARTs 1 to 3 (data sheet DS8626, alternate functions). A receiver without adapter idles high

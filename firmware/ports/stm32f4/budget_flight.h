@@ -9,9 +9,11 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "firmware/builds.h"
+#include "firmware/failover/cross_line.h"
 #include "firmware/flight_application.h"
 #include "firmware/frame_sender.h"
 #include "firmware/messages.h"
@@ -67,6 +69,7 @@ class BudgetFlight final : public firmware::Port {
       const TimeNs now = begin + ms * kNsPerMs;
       if (ms == 4 || ms == 8) StepVehicle();
       if (ms == 0) instructions += ReceiveReference(now);
+      if (ms == 0 && heartbeat_) instructions += ReceiveHeartbeat();
       const bool receives =
           ms >= reply_ms && held_count_ > 0 && reply != Reply::kHeld && reply != Reply::kNone;
       if (receives) instructions += ReceiveReply();
@@ -77,12 +80,20 @@ class BudgetFlight final : public firmware::Port {
     return instructions;
   }
 
+  // From now on another board claims the vehicle in each period, with these integrals.
+  void HearClaim(const firmware::Integrals& integrals) {
+    heartbeat_ = {
+        .heartbeat = {.heard = true, .role = firmware::Role::kActive, .link_good = true, .ready = true},
+        .integrals = integrals};
+  }
+
   Faults& faults() { return faults_; }
   const Actuators& command() const { return newest_; }
   int command_count() const { return command_count_; }  // in the last period, and before
   firmware::Status status() const { return application_.status(); }
 
   TimeNs Transmit(firmware::Uart uart, TimeNs now, std::span<const std::uint8_t> bytes) override {
+    if (uart != firmware::Uart::kMain) return now;
     board_port_.Transmit(uart, now, bytes);
     for (const std::uint8_t byte : bytes) {
       if (sent_count_ < sent_.size()) sent_[sent_count_++] = byte;
@@ -135,6 +146,14 @@ class BudgetFlight final : public firmware::Port {
     return Counted([&] { Arrive(application_, firmware::Uart::kReference, reference_receive_ring, bytes); });
   }
 
+  std::uint32_t ReceiveHeartbeat() {
+    ++heartbeat_->heartbeat.sequence;
+    Wire wire;
+    const auto bytes =
+        link::EncodeFrame(firmware::EncodeCross(*heartbeat_), wire, link::FrameCheck::kCrc32).bytes;
+    return Counted([&] { Arrive(application_, firmware::Uart::kCross, reference_receive_ring, bytes); });
+  }
+
   // The server's part: what the application has sent.
   void Settle(TimeNs) {
     {
@@ -172,6 +191,7 @@ class BudgetFlight final : public firmware::Port {
                                                      .alpha_l_rad = 0.0116F,
                                                      .vx_m_s = kSpeed_m_s});
   Faults faults_;
+  std::optional<firmware::CrossMessage> heartbeat_;
   Actuators newest_{.f_r_n = 10.2751F, .f_l_n = 10.2799F, .tau_r_nm = 0, .tau_l_nm = 0};
   std::array<Actuators, 4> inputs_;  // in force now, and a step earlier, ...
   std::array<Wire, kHeldMax> held_;

@@ -153,9 +153,9 @@ void Expect(bool holds) {
   if (!holds) Fail(TILTPROOF_CAUSE_ASSERT);
 }
 
-BudgetFlight& NewFlight(link::Dialect dialect = link::Dialect::kPaper) {
+BudgetFlight& NewFlight(link::Dialect dialect = link::Dialect::kPaper, const char* build = "tolerant") {
   static std::optional<BudgetFlight> storage;  // larger than the stack
-  return storage.emplace("tolerant", dialect);
+  return storage.emplace(build, dialect);
 }
 
 // Until the vehicle has settled and the line is believed to be good.
@@ -194,6 +194,16 @@ void MeasureTolerantHardened() {
   Dearest(flight, Reply::kInTime, kSettledPeriods);
   const int before = flight.command_count();
   Report("tolerant_hardened", Dearest(flight, Reply::kInTime, 20));
+  Expect(flight.command_count() - before == 20);
+}
+
+// The standby of another board, whose integrals it takes in each period.
+void MeasureFailover() {
+  BudgetFlight& flight = NewFlight(link::Dialect::kPaper, "failover");
+  flight.HearClaim({});
+  Dearest(flight, Reply::kInTime, kSettledPeriods);
+  const int before = flight.command_count();
+  Report("failover_good", Dearest(flight, Reply::kInTime, 20));
   Expect(flight.command_count() - before == 20);
 }
 
@@ -252,6 +262,7 @@ int main() {
   MeasureLagHypotheses();
   MeasureTolerantLine();
   MeasureTolerantHardened();
+  MeasureFailover();
   MeasureTolerantBelief();
   Report("tolerant_worst", DearestBurst(3));
   Report("tolerant_burst", DearestBurst(10));

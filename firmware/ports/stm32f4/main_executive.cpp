@@ -1,12 +1,16 @@
 // The flight firmware on a cyclic executive: one thread that sleeps until the next tick that is due, or until
 // a frame may have come, then runs to completion.
 //
-// TILTPROOF_FIRMWARE (a build's name) and TILTPROOF_DIALECT (a Dialect) come from CMakeLists.txt.
+// TILTPROOF_FIRMWARE (a build's name), TILTPROOF_DIALECT (a Dialect) and TILTPROOF_REDUNDANT (the build talks to other
+// boards) come from CMakeLists.txt.
+
+#include <type_traits>
 
 #include "firmware/builds.h"
 #include "firmware/flight_application.h"
 #include "firmware/ports/stm32f4/board.h"
 #include "firmware/ports/stm32f4/fault_record.h"
+#include "firmware/ports/stm32f4/other_boards.h"
 #include "firmware/ports/stm32f4/run_statistics.h"
 #include "firmware/ports/stm32f4/stm32f4.h"
 #include "firmware/ports/stm32f4/stm32f4_port.h"
@@ -19,7 +23,9 @@ TiltproofClientStatus tiltproof_status;
 
 namespace {
 
-constinit Stm32f4Port port;
+constexpr bool kIsRedundant = TILTPROOF_REDUNDANT;
+
+constinit std::conditional_t<kIsRedundant, RedundantPort, Stm32f4Port> port;
 volatile bool received = false;
 
 // Until `wake` or until a flag has come. Interrupts are off between the question and the sleep, so that none is slept
@@ -37,10 +43,15 @@ void SleepUntil(TimeNs wake) {
   BeginBusy();
 }
 
+std::size_t OwnPlace() {
+  if constexpr (kIsRedundant) return tiltproof_place;
+  return 0;
+}
+
 }  // namespace
 
 firmware::FlightApplication flight_application(*firmware::FindBuild(TILTPROOF_FIRMWARE),
-                                               link::Dialect::TILTPROOF_DIALECT, port);
+                                               link::Dialect::TILTPROOF_DIALECT, port, OwnPlace());
 
 void stm32f4::OnReceived(firmware::Uart /*uart*/) { received = true; }
 
@@ -49,6 +60,7 @@ extern "C" void SysTick_Handler() { CountTick(); }
 int main() {
   const ResetReason reason = StartBoard();
   StartUsarts();
+  if constexpr (kIsRedundant) StartCrossLines();
   StartTicks();
   AddMainStack();
   ConsoleLine line("tiltproof executive, firmware ");
@@ -68,7 +80,11 @@ int main() {
     Drain(main_receive_ring, [](auto bytes) { flight_application.Receive(firmware::Uart::kMain, bytes); });
     Drain(reference_receive_ring,
           [](auto bytes) { flight_application.Receive(firmware::Uart::kReference, bytes); });
+    if constexpr (kIsRedundant)
+      ReceiveFromOtherBoards(
+          [](firmware::Uart uart, auto bytes) { flight_application.Receive(uart, bytes); });
     wake = flight_application.Tick(TickTime());
+    if constexpr (kIsRedundant) tiltproof_role = static_cast<std::uint32_t>(flight_application.role());
 
     const firmware::Status status = flight_application.status();
     tiltproof_status.supervisor_state = static_cast<std::uint32_t>(status.state);

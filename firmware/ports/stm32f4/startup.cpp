@@ -22,6 +22,8 @@ void USART2_IRQHandler();
 void USART3_IRQHandler();
 // Not every image has these.
 [[gnu::naked]] void Unexpected_Handler() noexcept { asm volatile("b Fault_Handler"); }
+[[gnu::weak, gnu::alias("Unexpected_Handler")]] void UART4_IRQHandler() noexcept;
+[[gnu::weak, gnu::alias("Unexpected_Handler")]] void USART6_IRQHandler() noexcept;
 [[gnu::weak, gnu::alias("Unexpected_Handler")]] void SVC_Handler() noexcept;
 [[gnu::weak, gnu::alias("Unexpected_Handler")]] void PendSV_Handler() noexcept;
 [[gnu::weak, gnu::alias("Unexpected_Handler")]] void SysTick_Handler() noexcept;
@@ -51,6 +53,8 @@ constexpr VectorTable MakeVectors() {
   exception(kExceptionCount + tiltproof::stm32f4::kIrqUsart1) = USART1_IRQHandler;
   exception(kExceptionCount + tiltproof::stm32f4::kIrqUsart2) = USART2_IRQHandler;
   exception(kExceptionCount + tiltproof::stm32f4::kIrqUsart3) = USART3_IRQHandler;
+  exception(kExceptionCount + tiltproof::stm32f4::kIrqUart4) = UART4_IRQHandler;
+  exception(kExceptionCount + tiltproof::stm32f4::kIrqUsart6) = USART6_IRQHandler;
   return table;
 }
 

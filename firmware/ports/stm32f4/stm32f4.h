@@ -35,10 +35,12 @@ inline constexpr std::uint32_t kRccCrPllOn = Bit(24), kRccCrPllReady = Bit(25);
 inline constexpr std::uint32_t kRccCfgrSwMask = 3, kRccCfgrSwPll = 2;
 inline constexpr std::uint32_t kRccCfgrSwsMask = 3 << 2, kRccCfgrSwsPll = 2 << 2;
 inline constexpr std::uint32_t kRccCfgrApb1Div4 = 5 << 10, kRccCfgrApb2Div2 = 4 << 13;
-inline constexpr std::uint32_t kRccAhb1GpioA = Bit(0), kRccAhb1GpioB = Bit(1), kRccAhb1GpioD = Bit(3);
-inline constexpr std::uint32_t kRccApb1Tim2 = Bit(0), kRccApb1Usart2 = Bit(17), kRccApb1Usart3 = Bit(18);
+inline constexpr std::uint32_t kRccAhb1GpioA = Bit(0), kRccAhb1GpioB = Bit(1), kRccAhb1GpioC = Bit(2),
+                               kRccAhb1GpioD = Bit(3);
+inline constexpr std::uint32_t kRccApb1Tim2 = Bit(0), kRccApb1Usart2 = Bit(17), kRccApb1Usart3 = Bit(18),
+                               kRccApb1Uart4 = Bit(19);
 inline constexpr std::uint32_t kRccApb1Pwr = Bit(28);
-inline constexpr std::uint32_t kRccApb2Usart1 = Bit(4);
+inline constexpr std::uint32_t kRccApb2Usart1 = Bit(4), kRccApb2Usart6 = Bit(5);
 // Reset causes of the chip (7.3.21). The watchdog's and the software's resets set the pin's flag too.
 inline constexpr std::uint32_t kRccCsrRemoveFlags = Bit(24), kRccCsrPin = Bit(26), kRccCsrPowerOn = Bit(27);
 inline constexpr std::uint32_t kRccCsrSoftware = Bit(28), kRccCsrIwdg = Bit(29);
@@ -63,6 +65,7 @@ struct GpioRegisters {
 };
 inline GpioRegisters& GpioA() { return *reinterpret_cast<GpioRegisters*>(0x40020000); }
 inline GpioRegisters& GpioB() { return *reinterpret_cast<GpioRegisters*>(0x40020400); }
+inline GpioRegisters& GpioC() { return *reinterpret_cast<GpioRegisters*>(0x40020800); }
 inline GpioRegisters& GpioD() { return *reinterpret_cast<GpioRegisters*>(0x40020C00); }
 
 // --- USART (30.6).
@@ -72,6 +75,8 @@ struct UsartRegisters {
 inline UsartRegisters& Usart1() { return *reinterpret_cast<UsartRegisters*>(0x40011000); }
 inline UsartRegisters& Usart2() { return *reinterpret_cast<UsartRegisters*>(0x40004400); }
 inline UsartRegisters& Usart3() { return *reinterpret_cast<UsartRegisters*>(0x40004800); }
+inline UsartRegisters& Uart4() { return *reinterpret_cast<UsartRegisters*>(0x40004C00); }
+inline UsartRegisters& Usart6() { return *reinterpret_cast<UsartRegisters*>(0x40011400); }
 inline constexpr std::uint32_t kUsartSrFramingError = Bit(1), kUsartSrNoise = Bit(2),
                                kUsartSrOverrun = Bit(3), kUsartSrReceived = Bit(5),
                                kUsartSrTransmitEmpty = Bit(7);
@@ -123,7 +128,8 @@ inline Register& Cpacr() { return *reinterpret_cast<Register*>(0xE000ED88); }
 inline constexpr std::uint32_t kCpacrFpu = 0xFU << 20;
 
 // --- Core: interrupt controller (4.3). Numbers: RM0090, table 62.
-inline constexpr unsigned kIrqUsart1 = 37, kIrqUsart2 = 38, kIrqUsart3 = 39, kIrqCount = 82;
+inline constexpr unsigned kIrqUsart1 = 37, kIrqUsart2 = 38, kIrqUsart3 = 39, kIrqUart4 = 52, kIrqUsart6 = 71,
+                          kIrqCount = 82;
 inline Register& NvicEnable(unsigned irq) {
   return reinterpret_cast<Register*>(0xE000E100)[irq / 32];  // ISER
 }

@@ -63,35 +63,37 @@ class ClockTree final : public RegisterBlock {
   // Clock of the timers on APB1 or APB2: twice the bus's clock where that is divided (section 7.2).
   std::uint32_t timer_hz(int bus) const { return hclk_hz_ >> (ApbShift(bus) == 0 ? 0 : ApbShift(bus) - 1); }
 
-  // The first limit of the STM32F405 and F407, at a supply of 2.7 V or more, that these clocks break; empty: none.
+  // The first limit of the STM32F405 and F407, at a supply of 2.7 V or more, that these clocks break; empty: none. The
+  // limits are of nominal frequencies, so that a crystal may be off by a thousandth.
   std::string BrokenLimit(std::uint32_t wait_states, bool is_scale_1) const {
     if ((Word(kControl) & kPllOn) != 0) {
       const std::uint32_t pll = Word(kPll), m = pll & 0x3F, n = pll >> 6 & 0x1FF;
       const std::uint32_t source_hz = (pll & kPllFromHse) != 0 ? hse_hz_ : kHsiHz;
       if (m >= 2 && source_hz != 0) {
-        if (source_hz < 1'000'000 * m || source_hz > 2'000'000 * m)
+        if (IsBelow(source_hz, std::int64_t{1'000'000} * m) ||
+            IsAbove(source_hz, std::int64_t{2'000'000} * m))
           return "RCC_PLLCFGR: the input of the PLL's VCO is " + MHz(source_hz / m) +
                  ", and 1 to 2 MHz are allowed (RM0090, section 7.3.2)";
         const std::int64_t vco_hz = MulDiv(source_hz, n, m);
-        if (vco_hz < 100'000'000 || vco_hz > 432'000'000)
+        if (IsBelow(vco_hz, 100'000'000) || IsAbove(vco_hz, 432'000'000))
           return "RCC_PLLCFGR: the PLL's VCO runs at " + MHz(vco_hz) +
                  ", and 100 to 432 MHz are allowed (RM0090, section 7.3.2)";
       }
     }
-    if (hclk_hz_ > 168'000'000)
+    if (IsAbove(hclk_hz_, 168'000'000))
       return "RCC_CFGR: the core runs at " + MHz(hclk_hz_) +
              ", and at most 168 MHz are allowed (RM0090, section 7.2)";
-    if (pclk_hz(1) > 42'000'000)
+    if (IsAbove(pclk_hz(1), 42'000'000))
       return "RCC_CFGR: APB1 runs at " + MHz(pclk_hz(1)) +
              ", and at most 42 MHz are allowed (RM0090, section 7.3.3)";
-    if (pclk_hz(2) > 84'000'000)
+    if (IsAbove(pclk_hz(2), 84'000'000))
       return "RCC_CFGR: APB2 runs at " + MHz(pclk_hz(2)) +
              ", and at most 84 MHz are allowed (RM0090, section 7.3.3)";
-    if (!is_scale_1 && hclk_hz_ > 144'000'000)
+    if (!is_scale_1 && IsAbove(hclk_hz_, 144'000'000))
       return "PWR_CR: the core runs at " + MHz(hclk_hz_) +
              " with the regulator at scale 2, which allows 144 MHz (RM0090, section 5.1.3)";
     // One more for each 30 MHz, of which the first needs none.
-    const std::uint32_t needed = (hclk_hz_ - 1) / 30'000'000;
+    const std::int64_t needed = (hclk_hz_ - hclk_hz_ / kCrystalShare - 1) / 30'000'000;
     if (wait_states < needed)
       return "FLASH_ACR: " + std::to_string(wait_states) + " wait states at " + MHz(hclk_hz_) +
              ", which needs " + std::to_string(needed) + " (RM0090, section 3.5.1, at 2.7 to 3.6 V)";
@@ -99,6 +101,13 @@ class ClockTree final : public RegisterBlock {
   }
 
  private:
+  static constexpr std::int64_t kCrystalShare = 1000;
+  static bool IsAbove(std::int64_t hz, std::int64_t limit_hz) {
+    return hz > limit_hz + limit_hz / kCrystalShare;
+  }
+  static bool IsBelow(std::int64_t hz, std::int64_t limit_hz) {
+    return hz < limit_hz - limit_hz / kCrystalShare;
+  }
   static std::string MHz(std::int64_t hz) {
     std::string text = std::to_string(hz / 1'000'000);
     if (const std::int64_t tenths = hz % 1'000'000 / 100'000; tenths != 0)

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "harness/dds/qos.h"
 #include "harness/process/own_time.h"
 
 namespace tiltproof::harness {
@@ -56,6 +57,7 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* proc
     member.part = Name(node.last.kind);
     if (IsOfClient(node.last.kind) && !clients_[*place].id.empty()) member.part += "-" + clients_[*place].id;
     member.host = node.last.host;
+    member.has_cable = Capability(node.last, "cable=").has_value();
     if (const auto kind = Capability(node.last, "client=")) member.client = ClientOfKind(*kind);
     if (member.client && std::holds_alternative<SerialBoard>(*member.client))
       clients_[*place].has_node = false;
@@ -123,8 +125,17 @@ std::vector<std::string> Members::NewStrangers(const std::vector<dds::NodeLife>&
 void Members::CheckHosts() const {
   const Member& link = *Find(NodeKind::kLink);
   for (const Member& member : members_) {
+    if (member.kind == NodeKind::kClient) {
+      const Member& own = *Find(NodeKind::kLink, member.client_place);
+      const Member& without = member.has_cable ? own : member;
+      if (member.has_cable != own.has_cable)
+        throw std::runtime_error(fmt::format(
+            "the nodes {} and {} are the ends of one line, and {} has no cable: give both --cable, or none",
+            member.id, own.id, without.id));
+    }
     const bool on_line = member.kind == NodeKind::kPlant || IsOfClient(member.kind);
-    if (on_line && member.host != link.host)
+    const bool at_far_end = member.kind == NodeKind::kClient && member.has_cable;
+    if (on_line && !at_far_end && member.host != link.host)
       throw std::runtime_error(fmt::format(
           "the {} node runs on {} and the {} node on {}: they share a serial line, so both must run "
           "on one host",
@@ -222,7 +233,10 @@ void Members::Lose(Member& member, const std::string& how, std::vector<MemberCha
   const bool firmware = blame && member.kind == NodeKind::kClient;
   changes.push_back({MemberChange::Kind::kLost, member.role, firmware, hung,
                      firmware ? fmt::format("the firmware under test is lost: its node {} {}", member.id, how)
-                              : fmt::format("the {} node {}", member.id, how)});
+                              : fmt::format("the {} node {}", member.id, how),
+                     member.silent_since ? std::optional(*member.silent_since -
+                                                         std::chrono::nanoseconds(dds::kHeartbeatLeaseNs))
+                                         : std::nullopt});
 }
 
 bool Members::AnySilent() const {

@@ -30,6 +30,7 @@ struct Member {
   std::size_t client_place = 0;  // of a client or link node: the client's place in the scenario
   std::string part;              // "plant", "link", "link-b": as faults name it
   std::string host;
+  bool has_cable = false;  // a client or link node: the other one is at the far end of serial cables
   // The firmware that it is, or the link node's board: the kind alone.
   std::optional<ClientSpec> client;
   bool lost = false;
@@ -45,6 +46,8 @@ struct MemberChange {
   bool firmware = false;  // it is the node of the firmware under test
   bool hung = false;      // lost: it does not answer; otherwise it has ended
   std::string text;
+  // Lost after it had been silent: the last moment at which it may have been there.
+  std::optional<std::chrono::steady_clock::time_point> heard_last = {};
 };
 
 class Members {
@@ -64,7 +67,8 @@ class Members {
              const std::vector<SoughtClient>& clients, const std::string& run_id, std::string& missing);
   // Nodes that could be taken for members, by kind or by name, and are not: each once, and the first few alone.
   std::vector<std::string> NewStrangers(const std::vector<dds::NodeLife>& nodes, const std::string& run_id);
-  // Who must share a host does, or std::runtime_error says who does not.
+  // The nodes that must share a host do, and cables have two ends; std::runtime_error names a node for which that does not
+  // hold.
   void CheckHosts() const;
 
   // Changes since the last call. A process of ours is lost when it has ended, or missed its lease (200 ms) and is

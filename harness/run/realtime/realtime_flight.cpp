@@ -70,12 +70,14 @@ class RealtimeConductor {
   void WatchMembers();
   void OnStates();
   TimeNs Now() const;
+  TimeNs LostAt(const MemberChange& change) const;
   void Inject();
   NodeFaults::Means MeansOfNodeFaults();
   void Restart(const std::string& role);
   std::string ClientKindFor(const Member& member) const;
   // True if the flight goes on without the client whose node this is, which is then out of it.
-  bool LoseClient(const Member& member, bool hung, const std::string& text);
+  // `lost_ns`: simulation time.
+  bool LoseClient(const Member& member, bool hung, const std::string& text, TimeNs lost_ns);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
@@ -350,13 +352,13 @@ void RealtimeConductor::OnStates() {
         reason && (WentAway(*reason) || reason == EndReason::kNodeLost || reason == EndReason::kLineOverfull);
     if (state.phase == dds::Phase::kFailed && of_node &&
         (member == members_.all().end() ||
-         !LoseClient(*member, *reason == EndReason::kFirmwareHung, state.text)))
+         !LoseClient(*member, *reason == EndReason::kFirmwareHung, state.text, sim_ns_)))
       ending_.Hear(*reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
                    SteadyClock::now());
   }
 }
 
-bool RealtimeConductor::LoseClient(const Member& member, bool hung, const std::string& text) {
+bool RealtimeConductor::LoseClient(const Member& member, bool hung, const std::string& text, TimeNs lost_ns) {
   const bool of_client = member.kind == NodeKind::kClient || member.kind == NodeKind::kLink;
   // A client that cannot even begin ends the flight, as the others do.
   const std::size_t client = member.client_place;
@@ -366,7 +368,7 @@ bool RealtimeConductor::LoseClient(const Member& member, bool hung, const std::s
         {sim_ns_, client, record::Event{hung ? kClientHungEvent : kClientCrashedEvent, text}});
     collector_.log().Write(
         {sim_ns_, client,
-         record::ClientEnd{.loss = ClientLoss{.time_ns = sim_ns_, .hung = hung, .text = text, .end = {}}}});
+         record::ClientEnd{.loss = ClientLoss{.time_ns = lost_ns, .hung = hung, .text = text, .end = {}}}});
   }
   return lost_clients_.size() < scenario_.client_count();
 }
@@ -394,7 +396,7 @@ void RealtimeConductor::WatchMembers() {
         const std::string text = fmt::format("{} (at {:.3f} s)", change.text, ToSeconds(sim_ns_));
         const Member* member = members_.FindRole(change.role);
         if (member != nullptr && member->kind == NodeKind::kClient &&
-            LoseClient(*member, change.hung, change.text))
+            LoseClient(*member, change.hung, change.text, LostAt(change)))
           break;
         Note("node_lost", text);
         End(change.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
@@ -424,6 +426,13 @@ void RealtimeConductor::FlyToTheEnd() {
 TimeNs RealtimeConductor::Now() const {
   return sim_ns_ +
          std::min<TimeNs>(std::chrono::nanoseconds(SteadyClock::now() - sim_seen_).count(), kNsPerS);
+}
+
+// A client is judged until then: it is known to be lost seconds after it fell silent.
+TimeNs RealtimeConductor::LostAt(const MemberChange& change) const {
+  if (!change.heard_last) return sim_ns_;
+  const std::chrono::nanoseconds since = SteadyClock::now() - *change.heard_last;
+  return std::max<TimeNs>(Now() - since.count(), 0);
 }
 
 void RealtimeConductor::Inject() {

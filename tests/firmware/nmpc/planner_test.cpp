@@ -66,6 +66,25 @@ TEST(NmpcPlannerTest, KeepsLimitsThatItWouldOtherwiseBreak) {
 
 TEST(NmpcPlannerTest, FliesAQuadrotor) { EXPECT_LT(FlyStep("quadrotor", {}, 250).distance_end_m, 0.05); }
 
+// The last of five intervals over 1.2 s is 0.78 s long. The plans diverge, and after ten periods they held no numbers.
+TEST(NmpcPlannerTest, APlanThatDivergesIsNotFlown) {
+  const Flown flown = FlyStep("tiltrotor", {.intervals = 5, .sweeps_max = 4}, 30);
+  for (const double u : flown.inputs) ASSERT_TRUE(std::isfinite(u));
+}
+
+TEST(NmpcPlannerTest, RefusesAHorizonThatItsIntervalsCannotCover) {
+  EXPECT_EQ(HorizonProblem({}, 0.012), "");
+  EXPECT_EQ(HorizonProblem({.intervals = 8}, 0.012), "");
+  EXPECT_EQ(HorizonProblem({.intervals = 3}, 0.012),
+            "3 intervals cover 0.252 s at most, because each is at most 4 times as long as the one before: "
+            "horizon_s is "
+            "1.2; use more intervals, or a shorter horizon");
+  EXPECT_EQ(HorizonProblem({.intervals = 5}, 0.012),
+            "the last of 5 intervals over horizon_s = 1.2 is 0.782 s long, and at most 0.6 s are allowed, "
+            "because the "
+            "plan diverges over a longer one; use more intervals, or a shorter horizon");
+}
+
 TEST(ReferencePreviewTest, ContinuesASpiralExactly) {
   const auto at = [](double t) {
     return Reference{.x_m = static_cast<float>(5 * std::sin(0.3 * t)),

@@ -140,6 +140,34 @@ TEST(Adopt, TakesTheNodesOfEachClient) {
   EXPECT_TRUE(members.Adopt(nodes, nullptr, clients, "run", missing)) << missing;
 }
 
+// A client node at the far end of serial cables may be on any host; both nodes must have their ends.
+TEST(CheckHosts, TakesAClientOfAnotherHostAtTheFarEndOfItsCables) {
+  auto nodes = Fleet();
+  NodeLife& client = Of(nodes, NodeKind::kClient);
+  NodeLife& link = Of(nodes, NodeKind::kLink);
+  client.last.host = "there";
+  const auto complaint = [&]() -> std::string {
+    Members members;
+    std::string missing;
+    EXPECT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing)) << missing;
+    try {
+      members.CheckHosts();
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(complaint(), HasSubstr("they share a serial line, so both must run on one host"));
+  client.last.capabilities = {"cable=serial"};
+  EXPECT_EQ(complaint(),
+            "the nodes client and link are the ends of one line, and link has no cable: give both --cable, "
+            "or none");
+  link.last.capabilities = {"cable=serial"};
+  EXPECT_EQ(complaint(), "");
+  client.last.capabilities.clear();
+  EXPECT_THAT(complaint(), HasSubstr("and client has no cable"));
+}
+
 TEST(Adopt, NamesAFewStrangersAlone) {
   auto nodes = Fleet();
   for (char c = 'a'; c <= 'z'; ++c) nodes.push_back(Node(std::string("x") + c, NodeKind::kPlant));
@@ -204,11 +232,14 @@ TEST_F(WatchTest, ACutOffNodeIsSilentThenBack) {
 TEST_F(WatchTest, AFirmwaresNodeThatStaysAwayIsLostOnceAndForAll) {
   Of(nodes_, NodeKind::kClient).alive = false;
   EXPECT_EQ(Watch().size(), 1u);
+  const auto silent_at = now_;
   now_ += Members::kPartitionLimit + std::chrono::milliseconds(1);
   const auto changes = Watch();
   ASSERT_EQ(changes.size(), 1u);
   EXPECT_EQ(changes[0].kind, MemberChange::Kind::kLost);
   EXPECT_TRUE(changes[0].firmware);
+  // Its lease of 200 ms was over then.
+  EXPECT_EQ(changes[0].heard_last, silent_at - std::chrono::milliseconds(200));
   EXPECT_THAT(changes[0].text, HasSubstr("the firmware under test is lost: its node client was not heard"));
   EXPECT_FALSE(members_.AnySilent());
   Of(nodes_, NodeKind::kClient).alive = true;

@@ -41,6 +41,18 @@ TEST(ClientSpec, EveryFormIsRead) {
   EXPECT_EQ(ParseClient("serial:unix:/a,unix:@b"), ClientSpec(SerialBoard{"unix:/a", "unix:@b"}));
 }
 
+TEST(ClientSpec, ShippedImagesKnowTheUsartsOfTheirLines) {
+  const auto usart = [](const char* text, const char* line, std::size_t index) {
+    return LineUsart(std::get<EmulatedImage>(ParseClient(text)), line, index);
+  };
+  EXPECT_EQ(usart("qemu", "cross", 0), 6);
+  EXPECT_EQ(usart("qemu:executive,hse=8000400", "other", 1), 4);
+  EXPECT_EQ(usart("qemu", "third", 2), std::nullopt);
+  EXPECT_EQ(usart("qemu:x.elf", "cross", 0), std::nullopt);
+  EXPECT_EQ(usart("qemu:x.elf,cross=usart5", "cross", 0), 5);
+  EXPECT_EQ(usart("qemu:executive,cross=usart4", "other", 1), std::nullopt);
+}
+
 TEST(ClientSpec, ThePlainTextIsTheShortest) {
   for (const char* text : {"host", "qemu", "qemu:freertos", "qemu:/x.elf,main=usart6", "qemu:executive,hse=0",
                            "qemu:/x.elf,cross=usart6,other=usart4,hse=0", "library:/a/b.so",

@@ -7,7 +7,10 @@
         results = flight.finish(limit_s=60)  # exit code, verdict, metrics, files
     fleet.close()
 
-Host `vehicle` has plant, link and client, `harness` has `tiltproof run`, `watch` has base station and monitor.
+Host `vehicle` has plant, link and client, `harness` has `tiltproof run`, `watch` has base station and monitor. A fleet may
+have other hosts and nodes:
+
+    fleet = Fleet(program, folder, seed=1, hosts=["vehicle", "left"], nodes={"client-a": Node("left", "client", ("--id", "a"))})
 """
 import contextlib
 import csv
@@ -19,10 +22,20 @@ import signal
 import struct
 import subprocess
 import time
+import typing
 
 from network import INTERFACE, Network
 
-NODES = {"plant": "vehicle", "link": "vehicle", "client": "vehicle", "base-station": "watch", "monitor": "watch"}
+
+
+class Node(typing.NamedTuple):
+    host: str
+    kind: str
+    more: tuple = ()  # of its command
+
+
+NODES = {kind: Node("vehicle", kind) for kind in ("plant", "link", "client")}
+NODES |= {kind: Node("watch", kind) for kind in ("base-station", "monitor")}
 END_LIMIT_S = 10
 
 
@@ -47,22 +60,24 @@ def end_process(process):
 
 
 class Fleet:
-    def __init__(self, program, folder, seed, peers=False):
-        self.program, self.folder = program, folder
+    def __init__(self, program, folder, seed, peers=False, hosts=("vehicle", "harness", "watch"), nodes=NODES):
+        self.program, self.folder, self.places = program, folder, nodes
         self.flights_count = 0
         self.nodes, self.logs = {}, {}
-        self.network = Network(["vehicle", "harness", "watch"], seed)
+        self.network = Network(list(hosts), seed)
         hosts = self.network.hosts
         self.bus = ["--interface", INTERFACE]
         if peers:
             self.bus += ["--peers", ",".join(host.address for host in hosts.values())]
 
-    def start(self, *kinds):
-        for kind in kinds or NODES:
+    def start(self, *names):
+        for name in names or self.places:
             # A node that is started again continues its log.
-            self.logs[kind] = self.folder / f"{kind}.log"
-            with open(self.logs[kind], "ab") as log:
-                self.nodes[kind] = self.network.hosts[NODES[kind]].start([self.program, "node", kind, *self.bus], log)
+            self.logs[name] = self.folder / f"{name}.log"
+            node = self.places[name]
+            with open(self.logs[name], "ab") as log:
+                self.nodes[name] = self.network.hosts[node.host].start(
+                    [self.program, "node", node.kind, *node.more, *self.bus], log)
 
     def kill(self, kind):
         self.nodes[kind].kill()
