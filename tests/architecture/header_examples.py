@@ -129,7 +129,8 @@ def read_context(files):
 
 def command_of(folder, build):
     """The compiler, and the flags of a source below the folder with what any of them includes or defines besides."""
-    commands = [shlex.split(entry["command"]) for entry in json.loads((build / "compile_commands.json").read_text())
+    # Without precompiled headers, so that a header includes all it needs.
+    commands = [shlex.split(re.sub(r" -Winvalid-pch -include \S+", "", entry["command"])) for entry in json.loads((build / "compile_commands.json").read_text())
                 if re.search(rf"-o {folder}/\S+", entry["command"]) and not entry["file"].endswith(".c")]
     commands = [words[words[0].endswith("ccache"):words.index("-o")] for words in commands]
     words = [word for word in commands[-1] if word != "-fno-exceptions"]

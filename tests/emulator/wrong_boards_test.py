@@ -2,7 +2,7 @@
 """Images whose board is set up wrongly - they restart for ever, ask at the wrong rate, send at the wrong baud rate, have their USARTs exchanged - must not pass,
 and the harness must say what is wrong. Each is firmware/examples/minimal_c with one mistake.
 
-Usage: wrong_boards_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER
+Usage: wrong_boards_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER [WrongPrograms | WrongChips]
 """
 import json
 import pathlib
@@ -32,7 +32,7 @@ CRASH_LOOP = [
 ]
 
 
-class WrongBoards(unittest.TestCase):
+class Flights(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls._folder = tempfile.TemporaryDirectory()
@@ -51,7 +51,7 @@ class WrongBoards(unittest.TestCase):
         return subprocess.run([str(TILTPROOF), *map(str, arguments)], capture_output=True, text=True, timeout=120)
 
     def fly(self, client, *flags, duration_s=3, more=""):
-        WrongBoards.runs += 1
+        type(self).runs += 1
         file, out = self.root / f"scenario{self.runs}.yaml", self.root / f"out{self.runs}"
         file.write_text(SCENARIO.format(duration_s=duration_s) + more)
         done = self.run_tiltproof("run", file, "--client", client, "--out", out, "--no-progress", *flags)
@@ -69,6 +69,8 @@ class WrongBoards(unittest.TestCase):
     def score(self, folder):
         return json.loads(self.run_tiltproof("score", folder, "--format", "jsonl").stdout.splitlines()[0])
 
+
+class WrongPrograms(Flights):
     # --- restarts ---
 
     def test_a_crash_loop_fails_survival(self):
@@ -155,6 +157,8 @@ class WrongBoards(unittest.TestCase):
         self.assertIn("no fault asked for", self.criterion(result, "survival")["explanation"], output)
         self.assertGreaterEqual(result["restarts"], 2)
 
+
+class WrongChips(Flights):
     # --- the baud rate ---
 
     def test_a_wrong_baud_rate_never_starts_and_says_both_rates(self):

@@ -272,7 +272,8 @@ def compile_alone(file):
         if unit != ROOT / file and not ("/Unity/" in str(unit) and unit.exists() and f'"{ROOT / file}"' in unit.read_text()):
             continue
         made = WORK / "object.o"
-        command = shlex.split(entry["command"])
+        # A precompiled header is for units with the options of the build only.
+        command = shlex.split(re.sub(r" -Winvalid-pch -include \S+", "", entry["command"]))
         command[command.index("-o") + 1] = str(made)
         command[command.index("-c") + 1] = str(COPY / file)
         # Code that a defect leaves unused is no error.
