@@ -343,6 +343,11 @@ extern const Scenario scenario;
 extern const FlightMeans means;
 extern const std::array<int, 2> pipe_ends;
 
+// harness/engine/trunk.h
+extern const std::shared_ptr<const plant::VehicleModel> model;
+extern const Scenario scenario;
+extern const FlightMeans means;
+
 // harness/engine/engine.h
 extern const std::shared_ptr<const plant::VehicleModel> model;
 
