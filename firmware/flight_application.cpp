@@ -33,9 +33,11 @@ TimeNs FlightApplication::Tick(TimeNs now) {
   }
   while (const auto item = sensor_cycle_.Next(now)) {
     if (redundant_board_) NoteItem(*item);
-    const auto command = control_.Do(*item);
-    if (command && (!redundant_board_ || redundant_board_->commands())) actuator_writer_.Send(now, *command);
     ++control_count_;
+    // Without integrals a command would differ from the one that acts, and the model would take that for a fault.
+    if (item->kind != ControlItem::Kind::kRequest && redundant_board_ && !redundant_board_->commands())
+      continue;
+    if (const auto command = control_.Do(*item)) actuator_writer_.Send(now, *command);
   }
   return sensor_cycle_.wake_ns();
 }

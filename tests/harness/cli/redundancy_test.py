@@ -9,6 +9,7 @@ import unittest
 from command_line import CommandLineTest
 
 CLIENTS = pathlib.Path(sys.argv[2]).resolve()
+RESET = pathlib.Path(__file__).resolve().parents[3] / "scenarios/redundancy/failover-reset-survive.yaml"
 MISBEHAVING = f"library:{CLIENTS / 'libmisbehaving_client.so'}"
 
 FLIGHT = """\
@@ -74,6 +75,11 @@ class RedundancyTest(CommandLineTest):
         by_b = [float(row["t_s"]) for row in rows if row["arbiter_selected"] == "1"]
         self.assertTrue(0.5 + 0.024 <= by_b[0] <= 0.5 + 0.036 + 0.004 + 0.012, by_b[0])
         self.assertTrue(1.2 + 0.2 <= by_b[-1] + 0.012 <= 1.2 + 0.2 + 3 * 0.012, by_b[-1])
+
+    def test_a_board_that_was_reset_flies_again_whenever_its_periods_begin(self):
+        # With 500.5 to 501.5 ms its first reply comes before the first heartbeat of the other board.
+        code, out, err = self.tiltproof("run", RESET, "--set", "faults.reset-a.parameters.boot_ms=500,500.5,501.5,503", "--no-progress")
+        self.assertEqual(code, 0, out + err)
 
     def test_any_start_is_t_0(self):
         self.write("late", "type: primary_backup", faults="faults: [{id: silent, type: link.silence, client: a, target: to_plant}]")
