@@ -79,7 +79,7 @@ class LinkRole final : public Role {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
     }
-    line_.emplace(scenario_, round_trips_, place_, !hardware, true);
+    line_.emplace(scenario_, round_trips_, place_, !hardware, faults::ScheduleUse{.grows = true});
     if (scenario_.link.protocol->streams()) backlog_.emplace(MakeBacklog());
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);

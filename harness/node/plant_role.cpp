@@ -21,7 +21,7 @@ class PlantRole final : public Role {
 
   Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
     loaded_ = loaded;
-    server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), true);
+    server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), faults::ScheduleUse{.grows = true});
     receivers_.clear();
     for (std::size_t client = 0; client < loaded_.scenario.client_count(); ++client)
       receivers_.emplace_back(*loaded_.scenario.link.protocol, link::Direction::kToPlant);
