@@ -268,11 +268,20 @@ void ProgramProcess::TakeOutput(bool all) {
   if (all) splitter_.End(on_line_);
 }
 
+bool ProgramProcess::EndsWithin(TimeNs own_ns) {
+  OwnTime own(child_->pid());
+  // Printing must not hold it up.
+  while (child_->Alive()) {
+    const bool over = own.Look(Clock::now()) >= own_ns || own.excuse() == OwnTime::Excuse::kStopped;
+    pollfd polled{child_->pidfd(), POLLIN, 0};
+    if (poll(&polled, 1, over ? 0 : kLook_ms) == 0 && over) return false;
+    DrainOutput();
+  }
+  return true;
+}
+
 // Nullopt: it lives, and has closed its socket.
 std::optional<std::string> ProgramProcess::HowEnded(bool& crashed) const {
-  // Its last words are there once it is gone.
-  pollfd ended{child_->pidfd(), POLLIN, 0};
-  poll(&ended, 1, 1000);
   siginfo_t info{};
   if (waitid(P_PID, static_cast<id_t>(child_->pid()), &info, WEXITED | WNOHANG | WNOWAIT) != 0 ||
       info.si_pid == 0)
@@ -287,6 +296,8 @@ std::optional<std::string> ProgramProcess::HowEnded(bool& crashed) const {
 }
 
 void ProgramProcess::ThrowEnded() {
+  // Its last words are there once it is gone.
+  EndsWithin(kNsPerS);
   bool crashed = false;
   const auto how = HowEnded(crashed);
   throw FirmwareTrouble(false, crashed ? fmt::format("the firmware crashed in {}: {}", what_, *how)
@@ -295,16 +306,9 @@ void ProgramProcess::ThrowEnded() {
 }
 
 std::optional<FirmwareTrouble> ProgramProcess::AwaitEnd() {
-  OwnTime own(child_->pid());
-  // Printing must not hold it up.
-  while (child_->Alive()) {
-    const bool over = own.Look(Clock::now()) >= kEndsWithinNs || own.excuse() == OwnTime::Excuse::kStopped;
-    pollfd polled{child_->pidfd(), POLLIN, 0};
-    if (poll(&polled, 1, over ? 0 : kLook_ms) == 0 && over)
-      return FirmwareTrouble(true, fmt::format("the firmware did not end within {} s of its own time",
-                                               ToSeconds(kEndsWithinNs)));
-    DrainOutput();
-  }
+  if (!EndsWithin(kEndsWithinNs))
+    return FirmwareTrouble(
+        true, fmt::format("the firmware did not end within {} s of its own time", ToSeconds(kEndsWithinNs)));
   bool crashed = false;
   const auto how = HowEnded(crashed);
   TakeOutput(true);

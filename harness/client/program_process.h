@@ -79,6 +79,8 @@ class ProgramProcess {
   bool Receive(int flags);
   void LookAtTime();
   void DrainOutput();
+  // False: it lives on, and has had this much time.
+  bool EndsWithin(TimeNs own_ns);
   [[noreturn]] void ThrowEnded();
   std::optional<std::string> HowEnded(bool& crashed) const;
 
