@@ -261,7 +261,7 @@ TEST(ScheduleTest, AWireKeepsOrderUnderEveryFault) {
     specs.push_back(spec);
   }
   const auto fly = [&specs] {
-    FaultSchedule schedule = AtTheLine(specs, 3);
+    FaultSchedule schedule(specs, 3, {.protocol = harness::FindProtocol("paper")});
     schedule.SetOrigin(kOriginAtPowerOn);
     link::Wire wire({}, link::Direction::kToClient, *harness::FindProtocol("paper"),
                     schedule.Filter(link::Direction::kToClient));
