@@ -172,6 +172,11 @@ extern std::vector<FlightJob> jobs;
 extern const FlightJob job;
 extern const FlightResult result;
 
+// harness/cli/stated_computing.h
+#include "harness/cli/commands.h"
+extern const FlightMeans means;
+extern const SuiteScenario entry;
+
 // harness/cli/run_plan.h
 #include "harness/terminal/terminal.h"
 extern const RunOptions options;

@@ -136,9 +136,11 @@ class Server {
   explicit Server(const Case& flown)
       : by_hand_(flown.by_hand ? &*flown.by_hand : nullptr),
         rows_(flown.scenario.client_count()),
-        plant_(flown.scenario, tiltproof::testing::Tiltrotor(), rows_, by_hand_ != nullptr) {
+        plant_(flown.scenario, tiltproof::testing::Tiltrotor(), rows_,
+               faults::ScheduleUse{.grows = by_hand_ != nullptr}) {
     for (std::size_t client = 0; client < flown.scenario.client_count(); ++client)
-      lines_.emplace_back(flown.scenario, rows_, client, true, by_hand_ != nullptr);
+      lines_.emplace_back(flown.scenario, rows_, client, true,
+                          faults::ScheduleUse{.grows = by_hand_ != nullptr});
   }
 
   void Transmit(std::size_t client, BootTime now, std::span<const std::uint8_t> bytes) {
