@@ -144,8 +144,8 @@ template <class T>
 class Subscriber {
  public:
   // Both are called in a thread of DDS, should only post to an event loop, and may be called before the
-  // constructor returns. `on_data`: Take() has something. `on_liveliness`: MatchedCount() or Nodes() changed.
-  // Neither runs any more once the destructor returns; neither may destroy this.
+  // constructor returns. `on_data`: Take() has something. `on_liveliness`: MatchedCount() or Nodes() changed,
+  // or Nodes() will within 200 ms. Neither runs any more once the destructor returns; neither may destroy this.
   explicit Subscriber(Bus& bus, const std::function<void()>& on_data = {},
                       const std::function<void()>& on_liveliness = {});
   // Hears only those in `circle`, which must outlive this: what comes from others while they are outside is lost.

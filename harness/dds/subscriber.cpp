@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "harness/dds/bus_impl.h"
+#include "harness/dds/lease.h"
 #include "harness/dds/sequence_filter.h"
 #include "link/check.h"
 
@@ -25,7 +26,7 @@ struct Subscriber<T>::Impl {
   struct Writer {
     Participant participant;
     bool matched = false;
-    bool alive = false;  // keeps its lease
+    Lease lease;
   };
   struct Node {
     NodeLife life;
@@ -75,7 +76,7 @@ struct Subscriber<T>::Impl {
     {
       const std::lock_guard lock(writers_mutex);
       if (const auto found = writers.find(status.last_publication_handle); found != writers.end())
-        found->second.alive = status.alive_count_change > 0;
+        found->second.lease.Say(status.alive_count_change > 0);
     }
     if (on_liveliness) on_liveliness();
   }
@@ -96,7 +97,7 @@ struct Subscriber<T>::Impl {
     const std::lock_guard lock(writers_mutex);
     for (auto writer = writers.begin(); writers.size() >= kWritersCountMax && writer != writers.end();)
       writer = writer->second.matched ? std::next(writer) : writers.erase(writer);
-    writers[handle] = {participant, true, true};
+    writers[handle] = {participant, true, {}};
     return participant;
   }
   std::optional<Participant> Sender(dds_instance_handle_t handle) {
@@ -106,10 +107,14 @@ struct Subscriber<T>::Impl {
     }
     return Learn(reader, handle);
   }
-  bool IsAlive(dds_instance_handle_t handle) const {
+  bool IsAlive(dds_instance_handle_t handle, Lease::Clock::time_point now) const {
     const std::lock_guard lock(writers_mutex);
     const auto found = writers.find(handle);
-    return found != writers.end() && found->second.matched && found->second.alive;
+    return found != writers.end() && found->second.matched && found->second.lease.IsKept(now);
+  }
+  void Hear(dds_instance_handle_t handle, Lease::Clock::time_point now) {
+    const std::lock_guard lock(writers_mutex);
+    if (const auto found = writers.find(handle); found != writers.end()) found->second.lease.Hear(now);
   }
 
   // Takes what the reader holds, but not much more than `count_max`. False when there may be more.
@@ -156,15 +161,17 @@ struct Subscriber<T>::Impl {
   // Judges each writer by its own heartbeats, not by the instance, which any process can write to and dispose of.
   void DrainHeartbeats() {
     if constexpr (std::same_as<T, Heartbeat>) {
+      const auto now = Lease::Clock::now();
       Drain(kTakeCountMax, [&](const Wire& wire, const dds_sample_info_t& info) {
         const auto sender = Sender(info.publication_handle);
         if (!sender) return;
+        Hear(info.publication_handle, now);
         Heartbeat message;
         Unpack(wire, message);
         if (fresh.size() < kNodesCountMax) fresh[{*sender, message.node_id}] = message;
         nodes[*sender] = {{std::move(message), true, *sender}, info.publication_handle};
       });
-      for (auto& [participant, node] : nodes) node.life.alive = IsAlive(node.writer);
+      for (auto& [participant, node] : nodes) node.life.alive = IsAlive(node.writer, now);
       for (auto node = nodes.begin(); nodes.size() > kNodesCountMax && node != nodes.end();) {
         node = node->second.life.alive ? std::next(node) : nodes.erase(node);
       }
