@@ -156,6 +156,8 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
       fault.type = "link.silence";
       fault.parameters.clear();
     }
+    if (fault.type == "frame.wrong_id")
+      fault.parameters["id"] = static_cast<double>(*rc::gen::inRange(0, 256));
     if (!fault.client.empty()) fault.client = any_client();
     fault.id.append("-").append(std::to_string(i));
     if (*rc::gen::arbitrary<bool>()) fault.start_ns = kPowerOn;

@@ -4,7 +4,6 @@
 #include <rapidcheck/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <string>
 
@@ -266,12 +265,3 @@ RC_GTEST_PROP(StlParser, NonsenseIsRefusedWithAPlace, ()) {
 
 }  // namespace
 }  // namespace tiltproof::testing
-
-// More cases than rapidcheck's default, and the same ones in every run; RC_PARAMS in the environment asks for
-// others.
-int main(int argc, char** argv) {
-  constexpr int kKeepTheUsers = 0;
-  setenv("RC_PARAMS", "seed=1 max_success=3000", kKeepTheUsers);
-  ::testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}
