@@ -52,7 +52,7 @@ class Served {
       _exit(0);
     }
     close(sockets[1]);
-    channel_ = MakeUnixChannel(sockets[0]);
+    channel_ = MakeUnixChannel(sockets[0], pid_);
   }
   ~Served() {
     kill(pid_, SIGKILL);
