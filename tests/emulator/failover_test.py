@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Images of the builds failover and triplex: emulated boards that talk to each other decide as libraries of the same build do.
 
-Usage: failover_test.py TILTPROOF
+Usage: failover_test.py TILTPROOF [Failover | FlyingAgain]
 
 The flights are those of scenarios/redundancy/{failover,triplex}-*-survive.yaml, shortened.
 """
@@ -35,7 +35,7 @@ TRIO = PAIR.replace("firmware: failover", "firmware: triplex").replace("{id: b}]
 DEATH = "type: device.reset, parameters: {boot_ms: 60000}"
 
 
-class Failover(unittest.TestCase):
+class Boards(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -66,6 +66,8 @@ class Failover(unittest.TestCase):
         self.assertEqual(there["metrics"]["redundancy.switches_count"], here["metrics"]["redundancy.switches_count"])
         return there, board_rows
 
+
+class Failover(Boards):
     def test_a_standby_flies_on_after_a_death_and_each_way_to_fly_is_the_same(self):
         faults = [f"id: death-a, client: a, start_s: 1, {DEATH}"]
         verdict, rows = self.check("death", faults)
@@ -79,6 +81,13 @@ class Failover(unittest.TestCase):
                                        f"id: death-b, client: b, start_s: 2, {DEATH}"])
         self.assertEqual(self.story(rows, "arbiter_selected"), [(0,), (1,), (0,)])
 
+    def test_two_claims_on_a_line_that_is_lost_and_one_when_it_is_back(self):
+        _, rows = self.check("lost", ["id: cut, type: link.silence, target: cross, start_s: 0.6, end_s: 1.4"],
+                             ("arbiter_selected", "role_a", "role_b"))
+        self.assertEqual(self.story(rows, "arbiter_selected", "role_a", "role_b"), [(0, 1, 0), (0, 1, 1), (0, 1, 0)])
+
+
+class FlyingAgain(Boards):
     def test_a_board_that_was_reset_flies_again_though_its_first_commands_did_not_act(self):
         # Its first command is that of a vehicle at rest: it boots while the reference arrives, and the next one comes after the first reply.
         faults = ["id: reset-a, client: a, type: device.reset, start_s: 4, parameters: {boot_ms: 500}", f"id: death-b, client: b, start_s: 7.5, {DEATH}"]
@@ -93,11 +102,6 @@ class Failover(unittest.TestCase):
                                             "id: reset-c, client: c, type: device.reset, start_s: 0.4, parameters: {boot_ms: 200}"], text=TRIO, duration_s=2)
         self.assertEqual(self.story(rows, "arbiter_selected"), [(-2,), (2,)])
         self.assertEqual(verdict["metrics"]["redundancy.without_control_s"], 0)
-
-    def test_two_claims_on_a_line_that_is_lost_and_one_when_it_is_back(self):
-        _, rows = self.check("lost", ["id: cut, type: link.silence, target: cross, start_s: 0.6, end_s: 1.4"],
-                             ("arbiter_selected", "role_a", "role_b"))
-        self.assertEqual(self.story(rows, "arbiter_selected", "role_a", "role_b"), [(0, 1, 0), (0, 1, 1), (0, 1, 0)])
 
 
 if __name__ == "__main__":
