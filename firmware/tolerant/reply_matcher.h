@@ -24,6 +24,10 @@ class ReplyMatcher {
   std::optional<ModelStep> Match(const MotionState& sample, TimeNs now, ModelStep now_step,
                                  MotionTimeline& timeline);
 
+  // For the first reply: it closes all requests, because without a prediction it cannot be matched. Otherwise the next
+  // reply could count as the answer to a request that the first one has answered, and all later ones as late.
+  void CloseAll() { open_begin_ = open_end_; }
+
   // True if the last match took the newest request because nothing fitted: the prediction was lost.
   bool lost() const { return lost_; }
   // True if the last match answered the newest request.

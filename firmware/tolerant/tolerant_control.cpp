@@ -87,6 +87,7 @@ std::optional<Sensors> TolerantControl::Accept(TimeNs now, const Sensors& sensor
   if (!has_sample_) {
     if (!link::IsPlausible(sensors)) return std::nullopt;
     has_sample_ = true;
+    matcher_.CloseAll();
     timeline_.Begin(period_step_, ToMotion(sensors), hover_);
     screen_.Begin(sensors);
     supervisor_.On(SupervisorEvent::kReady);

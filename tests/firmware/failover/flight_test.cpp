@@ -126,6 +126,45 @@ TEST(FailoverFlight, ABoardThatWasResetFliesOnWithTheIntegralsOfTheOther) {
   EXPECT_LT(LargestError(log, 4), 0.5);
 }
 
+// Twelve phases of a control period of 12 ms.
+std::vector<double> Phases_ms() {
+  std::vector<double> phases_ms;
+  for (int i = 0; i < 12; ++i) phases_ms.push_back(i + 0.5);
+  return phases_ms;
+}
+
+// The periods of both boards begin at any time between two references. In most phases the first command of board a is
+// that of a vehicle at rest, because it has heard the other board but no reference yet. That command does not act.
+TEST(FailoverFlight, ABoardThatWasResetFliesOnWheneverItsPeriodsBegin) {
+  for (const double phase_ms : Phases_ms()) {
+    // Board b begins its periods at the same time. At 1.1 s the reference is 8 ms old.
+    const double boot_b_ms = 100 + std::fmod(phase_ms + 4, 12);
+    Scenario scenario =
+        Boards("failover", {Reset("b", kNsPerS, boot_b_ms), Reset("a", 4 * kNsPerS, 500 + phase_ms),
+                            Reset("b", 7500 * kNsPerMs, 60'000)});
+    scenario.duration_ns = 10 * kNsPerS;
+    const RunLog log = Fly(scenario);
+    EXPECT_EQ(log.end_reason, EndReason::kCompleted) << phase_ms << log.end_text;
+    EXPECT_EQ(log.redundancy->switches_count, 2) << phase_ms;
+    EXPECT_LT(log.redundancy->largest_bump, kBumpMax) << phase_ms;
+    EXPECT_LT(LargestError(log, 4), 0.5) << phase_ms;
+  }
+}
+
+// A board that is alone does not know that its first commands do not act, and computes them without integrals.
+TEST(TolerantPairFlight, ABoardThatWasResetFliesOnWheneverItsPeriodsBegin) {
+  for (const double phase_ms : Phases_ms()) {
+    Scenario scenario = Boards("tolerant", {Reset("a", 2 * kNsPerS, 500 + phase_ms)});
+    scenario.lines.clear();
+    scenario.arbiter = {.type = ArbiterType::kPrimaryBackup, .timeout_ms = 36, .return_ms = 100};
+    scenario.duration_ns = 5500 * kNsPerMs;
+    const RunLog log = Fly(scenario);
+    EXPECT_EQ(log.end_reason, EndReason::kCompleted) << phase_ms << log.end_text;
+    EXPECT_EQ(log.redundancy->switches_count, 2) << phase_ms;
+    EXPECT_LT(LargestError(log, 4), 0.5) << phase_ms;
+  }
+}
+
 // The board is back before it is missed, but without its integrals.
 TEST(FailoverFlight, AShortResetIsASwitchToTheBoardThatHasTheIntegrals) {
   for (const double boot_ms : {0.0, 5.0, 10.0, 20.0, 30.0}) {
