@@ -143,7 +143,7 @@ int SessionCommand(const SessionOptions& options) {
                   .means = means,
                   .replay = replay,
                   .recorder = RecorderIn(flight_folder, Keep::kAll)});
-  jobs.front().steer = [&talk](SteeredFlight& flight, const Scenario& flown, const auto& alive) {
+  jobs.front().steer = [&talk](SteeredFlight& flight, Scenario& flown, const auto& alive) {
     talk.Attend(flight, flown, alive);
   };
   RunRecord record(folder, info, jobs);

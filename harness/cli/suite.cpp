@@ -376,14 +376,19 @@ LoadedScenario LoadAnnounced(const std::string& yaml) {
 
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
   ModelCache models;
-  Scenario more = AddFault(scenario, fault, FaultReadOptions(models));
+  Scenario more = scenario;
+  AddFault(more, fault, FaultReadOptions(models));
   const faults::FaultType& type = *faults::FindFaultType(more.faults.back().type);
   if (type.is_command() || type.IsOneOf<faults::ReceiverKind>()) throw CannotBegin(more.faults.back());
   return more;
 }
 
-faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models) {
-  return AddFault(scenario, fault, FaultReadOptions(models)).faults.back();
+faults::FaultSpec ReadFault(Scenario& scenario, const AddedFault& fault, ModelCache& models) {
+  AddFault(scenario, fault, FaultReadOptions(models));
+  faults::FaultSpec read = std::move(scenario.faults.back());
+  scenario.faults.pop_back();
+  scenario.fault_places.pop_back();
+  return read;
 }
 
 std::shared_ptr<const plant::VehicleModel> LoadModelFlag(const std::string& model) {

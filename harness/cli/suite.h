@@ -84,7 +84,7 @@ Scenario ReadResolvedText(const std::string& yaml, ModelCache& models);
 // in the fault, or the reason why it cannot act then.
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault);
 // Reads it for a flight in lockstep, where every fault can be added that the client can take. `models` may hold the vehicle.
-faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models);
+faults::FaultSpec ReadFault(Scenario& scenario, const AddedFault& fault, ModelCache& models);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);
