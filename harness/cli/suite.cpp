@@ -175,6 +175,10 @@ std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleS
   return SignalNames(columns);
 }
 
+void ModelCache::Add(const Scenario& scenario, std::shared_ptr<const plant::VehicleModel> model) {
+  entries_.push_back({scenario.model_file, scenario.allow_invalid_inertia, std::move(model)});
+}
+
 std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesystem::path& file,
                                                             bool allow_invalid_inertia) {
   for (const auto& entry : entries_)

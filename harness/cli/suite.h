@@ -30,6 +30,8 @@ class ModelCache {
   // Throws what plant::LoadVehicle throws.
   std::shared_ptr<const plant::VehicleModel> Load(const std::filesystem::path& file,
                                                   bool allow_invalid_inertia);
+  // Keeps the vehicle of a scenario, which is loaded already.
+  void Add(const Scenario& scenario, std::shared_ptr<const plant::VehicleModel> model);
   // The warnings of loading, each once.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
