@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <stdexcept>
+#include <unordered_map>
 #include <utility>
 
 #include "faults/frame_words.h"
@@ -361,10 +362,13 @@ const std::vector<FaultType>& FaultTypes() {
 }
 
 const FaultType* FindFaultType(std::string_view name) {
-  for (const FaultType& type : FaultTypes()) {
-    if (type.name == name) return &type;
-  }
-  return nullptr;
+  static const auto by_name = [] {
+    std::unordered_map<std::string_view, const FaultType*> types;
+    for (const FaultType& type : FaultTypes()) types.emplace(type.name, &type);
+    return types;
+  }();
+  const auto found = by_name.find(name);
+  return found == by_name.end() ? nullptr : found->second;
 }
 
 std::string_view WhyNoLonger(std::string_view name) {

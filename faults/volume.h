@@ -19,6 +19,9 @@ struct TooMuch {
   std::vector<std::size_t> faults;
 };
 
+// True if a valid fault doubles the bytes of every frame that it sees.
+bool DoublesBytes(const FaultSpec& spec);
+
 // Counts only what is certain: faults that double the bytes of every frame they see (WireKind::volume),
 // active together for at least two control periods, without another fault that may lose bytes. Valid faults
 // only.

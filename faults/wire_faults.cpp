@@ -43,9 +43,10 @@ void WireFaults::Add(std::size_t fault, const FaultSpec& spec, const WireKind& k
     injector.model =
         kind.make({parameters, rate, StreamKey(seed, {spec.id, "events", way}), protocol, direction});
   // No model of a later layer depends on frames before its window.
-  for (const link::Chunk& past : past_) {
-    const bool sees = injector.layer == WireLayer::kFrame && injector.trigger.Sees(past.message);
-    if (!injector.remembers || !sees || open) continue;
+  const bool looks_back = injector.remembers && injector.layer == WireLayer::kFrame && !open;
+  for (std::size_t i = 0; looks_back && i < past_.size(); ++i) {
+    const link::Chunk& past = past_[i];
+    if (!injector.trigger.Sees(past.message)) continue;
     out_.clear();
     injector.model->Pass(link::Chunk(past), out_);
     injector.model->Release(out_);

@@ -73,6 +73,11 @@ EnvelopeEntry EntryOf(const EnvelopeRow& row, const std::string& client, const S
   entry.scale = range.scale == faults::Scale::kLinear ? "linear" : "logarithmic";
   entry.runs = margin.flights_count;
   if (margin.unknown) entry.error = WhyUnknown(*margin.unknown);
+  if (margin.never_acted()) {
+    entry.survives.reset();
+    entry.survived_share.reset();
+    entry.error = WhyNeverActed(margin);
+  }
   return entry;
 }
 

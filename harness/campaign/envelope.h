@@ -52,12 +52,15 @@ struct EnvelopeEntry : EnvelopePlace, MarginScan {
   double mildest = 0.0, severest = 0.0;
   std::string scale;  // "linear" or "logarithmic"
   std::size_t runs = 0;
-  std::optional<std::string> error;  // the flight that could not be judged: there is no margin
+  std::optional<std::string> error;  // the reason that there is no margin
+
+  // As Margin::never_acted(): then there is no margin, and another flight would not change that.
+  bool never_acted() const { return !levels.empty() && idle_levels.size() == levels.size(); }
   static constexpr std::array<std::string_view, 5> kLeavesOutNull = {"target", "signal", "actuator", "side",
                                                                      "error"};
   TILTPROOF_FIELDS(type, target, signal, actuator, side, client, parameter, survives, fails, unit,
                    first_criterion, seed, time_s, reason, harmless, mildest, severest, scale, runs, levels,
-                   pockets, survived_share, seeds, sure_share, error)
+                   pockets, survived_share, idle_levels, seeds, sure_share, error)
 };
 // `repeat_count`: as of ScanOf.
 EnvelopeEntry EntryOf(const EnvelopeRow& row, const std::string& client, const Severity& severity,

@@ -126,7 +126,8 @@ void EnvelopeSearch::Resume(const Envelope& earlier) {
   for (EnvelopeSearchRow& row : plan_.rows) {
     const EnvelopePlace place = PlaceOf(row.row);
     for (const EnvelopeEntry& entry : earlier.rows)
-      if (!entry.error && entry.client == row.client && entry.IsAt(place)) row.found = entry;
+      if ((!entry.error || entry.never_acted()) && entry.client == row.client && entry.IsAt(place))
+        row.found = entry;
   }
   earlier_ = NotSelected(earlier);
   resumed_count_ = done_count();

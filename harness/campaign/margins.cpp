@@ -59,7 +59,7 @@ class Searches {
         survived || search.levels.is_beyond_limit(level)) {
       search.levels.Take(survived);
       if (search.levels.next()) return TryLevel(task);
-      Conclude(search);
+      Conclude(search, tasks_[task].fault);
     } else {
       search.margin.unknown = result;
       search.margin.unknown_level = level;
@@ -70,7 +70,7 @@ class Searches {
     BeginOne();
   }
 
-  static void Conclude(Search& search) {
+  static void Conclude(Search& search, std::size_t fault) {
     Margin& margin = search.margin;
     margin.survives = search.levels.survives();
     margin.fails = search.levels.fails();
@@ -78,6 +78,9 @@ class Searches {
     margin.pockets = search.levels.pockets();
     margin.survived_share = search.levels.survived_share();
     if (margin.fails) margin.at_fails = search.results.at(*margin.fails);
+    for (const LevelAnswer& answer : margin.levels)
+      if (answer.survived == true && search.results.at(answer.level).activations.at(fault) == 0)
+        margin.idle_levels.push_back(answer.level);
     for (const LevelAnswer& answer : margin.levels) {
       if (answer.survived != true) break;
       margin.is_random = margin.is_random || !search.results.at(answer.level).is_of_any_seed;
@@ -96,10 +99,19 @@ class Searches {
 
 double SurePassShare(int count) { return std::pow(0.05, 1.0 / count); }
 
+std::string WhyNeverActed(const Margin& margin) {
+  return fmt::format(
+      "it never acted at any of the {} levels, so no flight tests it: check its window, its condition and "
+      "the "
+      "place where it acts",
+      margin.levels.size());
+}
+
 MarginScan ScanOf(const Margin& margin, int repeat_count) {
   return {.levels = margin.levels,
           .pockets = margin.pockets,
           .survived_share = margin.survived_share,
+          .idle_levels = margin.idle_levels,
           .seeds = margin.is_random ? repeat_count : 1,
           .sure_share = margin.is_random ? SurePassShare(repeat_count) : 1.0};
 }

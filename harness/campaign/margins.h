@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "harness/campaign/fault_level.h"
@@ -27,14 +28,21 @@ struct Margin {
   std::vector<LevelAnswer> levels;
   std::vector<Pocket> pockets;
   std::optional<double> survived_share;
-  TrialResult at_fails;  // where `fails` is set
+  std::vector<double> idle_levels;  // those survived at which the fault never acted
+  TrialResult at_fails;             // where `fails` is set
   // At some level up to `survives` something was drawn at random, so that the seeds are a sample.
   bool is_random = false;
   std::size_t flights_count = 0;
   // The flight that could not be judged, at a level below all that fail: the search stopped, and there is no margin.
   std::optional<TrialResult> unknown;
   double unknown_level = 0.0;
+
+  // The fault acted at no level, and all are survived: the flights do not test it.
+  bool never_acted() const { return !levels.empty() && idle_levels.size() == levels.size(); }
 };
+
+// The reason that there is no margin of a fault that never acted.
+std::string WhyNeverActed(const Margin& margin);
 
 // Certainty of a margin, as files have it (docs/margins.md): the levels that were flown, the pockets among them, and the
 // seeds of each level.
@@ -42,9 +50,10 @@ struct MarginScan {
   std::vector<LevelAnswer> levels;
   std::vector<Pocket> pockets;
   std::optional<double> survived_share;
+  std::vector<double> idle_levels;
   int seeds = 0;
   double sure_share = 0.0;
-  TILTPROOF_FIELDS(levels, pockets, survived_share, seeds, sure_share)
+  TILTPROOF_FIELDS(levels, pockets, survived_share, idle_levels, seeds, sure_share)
 };
 // `repeat_count`: seeds of each level at which something is drawn at random.
 MarginScan ScanOf(const Margin& margin, int repeat_count);

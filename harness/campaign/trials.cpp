@@ -91,6 +91,9 @@ std::optional<TrialResult> Trials::Decide(const Trial& trial) {
   for (const std::optional<FlightResult>& result : trial.results) {
     if (!result) return std::nullopt;
     ++decided.flights_count;
+    decided.activations.resize(std::max(decided.activations.size(), result->score.faults.size()));
+    for (std::size_t fault = 0; fault < result->score.faults.size(); ++fault)
+      decided.activations[fault] += result->score.faults[fault].activations;
     const bool survived = Survived(result->score);
     if (survived && result->is_of_any_seed) {
       decided.is_of_any_seed = true;

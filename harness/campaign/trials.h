@@ -18,6 +18,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "harness/engine/engine.h"
 #include "harness/engine/flights_options.h"
@@ -33,6 +34,8 @@ struct TrialResult {
   Answer answer = Answer::kSurvived;
   std::size_t flights_count = 0;  // up to the one that decided
   bool is_of_any_seed = false;    // survived, and nothing in the flight was drawn at random
+  // By fault of the scenario: the number of times that it acted, in all flights that were judged.
+  std::vector<std::int64_t> activations;
   // Data of the flight that decided, unless it survived:
   std::string flight;  // its name
   std::uint64_t seed = 0;

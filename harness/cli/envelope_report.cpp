@@ -18,6 +18,7 @@ constexpr std::string_view kPocketMark = "*";
 std::string Cell(const EnvelopeSearchRow& row) {
   const std::optional<EnvelopeEntry>& found = row.found;
   if (!found) return "-";
+  if (found->never_acted()) return "never acted";
   if (found->error) return "error";
   if (!found->survives) return "none";
   if (!found->fails) return "all";

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -100,6 +101,20 @@ std::size_t CountSurvived(const Margin& margin) {
                                   margin.levels.begin());
 }
 
+// The survived levels below the limit at which the fault never acted; empty: it acted at all but the harmless one.
+std::string IdleText(const Margin& margin, const std::function<std::string(double)>& value) {
+  const std::size_t survived = CountSurvived(margin);
+  std::size_t idle = 0, last = 0;
+  for (std::size_t i = 0; i < survived; ++i)
+    if (std::ranges::count(margin.idle_levels, margin.levels[i].level) > 0) {
+      ++idle;
+      last = i;
+    }
+  if (idle == 0 || last == 0) return "";
+  return fmt::format("the fault never acted at {} of these levels, the last of which is {}", idle,
+                     value(margin.levels[last].level));
+}
+
 // For a margin that is known. `unit` may be empty.
 std::vector<std::string> ScanLines(const Margin& margin, int repeat_count, const std::string& unit) {
   const auto value = [&](double level) {
@@ -123,6 +138,7 @@ std::vector<std::string> ScanLines(const Margin& margin, int repeat_count, const
             ? fmt::format("{0} of {0} seeds each: 95 % sure that at least {1:.0f} % of all seeds pass",
                           repeat_count, 100 * SurePassShare(repeat_count))
             : "where nothing is drawn at random"));
+  if (const std::string idle = IdleText(margin, value); !idle.empty()) lines.push_back(idle);
   if (margin.survived_share)
     lines.push_back(fmt::format("survives {:.3g} % of the range", 100 * *margin.survived_share));
   lines.push_back(fmt::format("{} flight{} at {} level{}", margin.flights_count,
@@ -203,6 +219,10 @@ int MarginCommand(const MarginOptions& options) {
   if (margin->unknown) {
     Print(stderr, "tiltproof: margin: no margin: {}\n", WhyUnknown(*margin->unknown));
     return UnknownExit(*margin->unknown);
+  }
+  if (margin->never_acted()) {
+    Print(stderr, "tiltproof: margin: no margin: fault '{}': {}\n", fault.id, WhyNeverActed(*margin));
+    return kExitUndecided;
   }
   PrintMargin(options, tasks.front(), *margin);
   return kExitGreen;

@@ -103,16 +103,15 @@ VehicleShape ShapeOf(const plant::VehicleModel& model) {
   return shape;
 }
 
-std::string PageOf(const RunView& view) {
-  ModelCache models;
+std::string PageOf(const RunView& view, ModelCache models) {
   return ReportPage(view, [&models](const std::filesystem::path& folder) {
     LoadedScenario flown = LoadFlown(folder, models);
     return FlownFlight{std::move(flown.scenario), ShapeOf(*flown.model)};
   });
 }
 
-std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& folder) {
-  return Written(folder / "report.html", [&] { return PageOf(ViewRuns({{folder, ""}})); });
+std::optional<std::filesystem::path> WriteReport(const std::filesystem::path& folder, ModelCache models) {
+  return Written(folder / "report.html", [&] { return PageOf(ViewRuns({{folder, ""}}), std::move(models)); });
 }
 
 std::optional<std::filesystem::path> WriteEnvelopeReport(const std::filesystem::path& folder,

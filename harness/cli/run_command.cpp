@@ -350,6 +350,12 @@ void ShowSweep(const SelectedFlights& flights, const std::vector<FlightResult>& 
   for (const std::string& line : SweepTable(rows)) console.Line(line);
 }
 
+ModelCache ModelsOf(const Suite& suite) {
+  ModelCache models;
+  for (const SuiteScenario& entry : suite.scenarios) models.Add(entry.scenario, entry.model);
+  return models;
+}
+
 int RunCommand(const RunOptions& options) {
   const InterruptScope scope;
   SelectedFlights flights;
@@ -378,7 +384,7 @@ int RunCommand(const RunOptions& options) {
   record.Finish(flown.interrupted, flown.interrupted ? "not flown: the run was interrupted"
                                                      : "not flown: --fail-fast ended the run");
   std::optional<std::filesystem::path> report;
-  if (!options.no_report) report = WriteReport(folder);
+  if (!options.no_report) report = WriteReport(folder, ModelsOf(flights.suite));
   console.LeftOut(info.not_applicable);
   if (!options.settings.empty()) ShowSweep(flights, flown.results, folder, console);
   if (options.repeat_count > 1)

@@ -103,7 +103,7 @@ int SessionCommand(const SessionOptions& options) {
   CheckReady(means);
   const Scenario& scenario = entry.scenario;
   ModelCache models;  // of what is injected; a worker inherits it
-  models.Load(scenario.model_file, scenario.allow_invalid_inertia);
+  models.Add(scenario, entry.model);
 
   RunInfo info;
   info.suite = scenario.name;
@@ -143,7 +143,7 @@ int SessionCommand(const SessionOptions& options) {
                   .means = means,
                   .replay = replay,
                   .recorder = RecorderIn(flight_folder, Keep::kAll)});
-  jobs.front().steer = [&talk](SteeredFlight& flight, const Scenario& flown, const auto& alive) {
+  jobs.front().steer = [&talk](SteeredFlight& flight, Scenario& flown, const auto& alive) {
     talk.Attend(flight, flown, alive);
   };
   RunRecord record(folder, info, jobs);
@@ -151,7 +151,7 @@ int SessionCommand(const SessionOptions& options) {
       std::move(jobs),
       {.on_finished = [&](const FlightJob& job, const FlightResult& result) { record.Add(job, result); }});
   record.Finish(flown.interrupted, "not flown: the session was interrupted");
-  if (!options.no_report) WriteReport(folder);
+  if (!options.no_report) WriteReport(folder, std::move(models));
   if (!flown.results.empty()) talk.TellEnd(EndedLine(flown.results.front(), flight_folder));
   return flown.interrupted ? static_cast<int>(kExitInterrupted) : ExitCode(flown.results);
 }

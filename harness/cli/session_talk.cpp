@@ -106,7 +106,7 @@ SessionTalk::SessionTalk(Ends ends, ModelCache& models, std::vector<std::string>
 
 SessionTalk::~SessionTalk() { munmap(static_cast<void*>(shared_), sizeof(Shared)); }
 
-void SessionTalk::Attend(SteeredFlight& flight, const Scenario& flown, const std::function<void()>& alive) {
+void SessionTalk::Attend(SteeredFlight& flight, Scenario& flown, const std::function<void()>& alive) {
   if (!std::exchange(shared_->greeted, true)) Write(ends_.hello);
   if (goal_ && !IsReached(flight)) return;
   if (finishes_) return;
@@ -152,7 +152,7 @@ bool SessionTalk::IsReached(SteeredFlight& flight) {
   return true;
 }
 
-bool SessionTalk::Obey(const Json& request, SteeredFlight& flight, const Scenario& flown) {
+bool SessionTalk::Obey(const Json& request, SteeredFlight& flight, Scenario& flown) {
   const std::string verb = VerbOf(request);
   const TimeNs now_ns = flight.time_ns();
   if (verb == "advance_s") {
@@ -190,7 +190,7 @@ bool SessionTalk::Obey(const Json& request, SteeredFlight& flight, const Scenari
   return false;
 }
 
-void SessionTalk::Inject(const Json& fault, SteeredFlight& flight, const Scenario& flown) {
+void SessionTalk::Inject(const Json& fault, SteeredFlight& flight, Scenario& flown) {
   std::optional<faults::FaultSpec> added;
   try {
     AddedFault text{.text = JsonLine(fault),

@@ -2,7 +2,7 @@
 // (docs/session.md).
 //
 //   SessionTalk talk({.in = 10, .out = 11, .hello = hello}, models, columns);
-//   job.steer = [&talk](SteeredFlight& flight, const Scenario& flown, const auto& alive) {
+//   job.steer = [&talk](SteeredFlight& flight, Scenario& flown, const auto& alive) {
 //     talk.Attend(flight, flown, alive);              // in the worker process
 //   };
 //   talk.TellEnd(ended);                              // in its parent, when the flight is over, whatever became of it
@@ -44,7 +44,7 @@ class SessionTalk {
   SessionTalk& operator=(const SessionTalk&) = delete;
 
   // The flight is at a row: answers what was asked for, and takes requests until one lets time pass.
-  void Attend(SteeredFlight& flight, const Scenario& flown, const std::function<void()>& alive);
+  void Attend(SteeredFlight& flight, Scenario& flown, const std::function<void()>& alive);
 
   // Answers the open request, if any, or says it in place of the first line, and answers all that still come, until the script closes the stream or an interrupt.
   void TellEnd(const nlohmann::ordered_json& ended);
@@ -65,8 +65,8 @@ class SessionTalk {
 
   bool IsReached(SteeredFlight& flight);
   // True if time may pass.
-  bool Obey(const nlohmann::ordered_json& request, SteeredFlight& flight, const Scenario& flown);
-  void Inject(const nlohmann::ordered_json& fault, SteeredFlight& flight, const Scenario& flown);
+  bool Obey(const nlohmann::ordered_json& request, SteeredFlight& flight, Scenario& flown);
+  void Inject(const nlohmann::ordered_json& fault, SteeredFlight& flight, Scenario& flown);
   void Remove(const nlohmann::ordered_json& id, SteeredFlight& flight, const Scenario& flown);
   void Read(const nlohmann::ordered_json& names, SteeredFlight& flight);
   Signal SignalNamed(const std::string& name) const;

@@ -175,6 +175,10 @@ std::vector<std::string> FormulaSignals(const Scenario& scenario, const VehicleS
   return SignalNames(columns);
 }
 
+void ModelCache::Add(const Scenario& scenario, std::shared_ptr<const plant::VehicleModel> model) {
+  entries_.push_back({scenario.model_file, scenario.allow_invalid_inertia, std::move(model)});
+}
+
 std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesystem::path& file,
                                                             bool allow_invalid_inertia) {
   for (const auto& entry : entries_)
@@ -376,14 +380,19 @@ LoadedScenario LoadAnnounced(const std::string& yaml) {
 
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault) {
   ModelCache models;
-  Scenario more = AddFault(scenario, fault, FaultReadOptions(models));
+  Scenario more = scenario;
+  AddFault(more, fault, FaultReadOptions(models));
   const faults::FaultType& type = *faults::FindFaultType(more.faults.back().type);
   if (type.is_command() || type.IsOneOf<faults::ReceiverKind>()) throw CannotBegin(more.faults.back());
   return more;
 }
 
-faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models) {
-  return AddFault(scenario, fault, FaultReadOptions(models)).faults.back();
+faults::FaultSpec ReadFault(Scenario& scenario, const AddedFault& fault, ModelCache& models) {
+  AddFault(scenario, fault, FaultReadOptions(models));
+  faults::FaultSpec read = std::move(scenario.faults.back());
+  scenario.faults.pop_back();
+  scenario.fault_places.pop_back();
+  return read;
 }
 
 std::shared_ptr<const plant::VehicleModel> LoadModelFlag(const std::string& model) {

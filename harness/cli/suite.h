@@ -30,6 +30,8 @@ class ModelCache {
   // Throws what plant::LoadVehicle throws.
   std::shared_ptr<const plant::VehicleModel> Load(const std::filesystem::path& file,
                                                   bool allow_invalid_inertia);
+  // Keeps the vehicle of a scenario, which is loaded already.
+  void Add(const Scenario& scenario, std::shared_ptr<const plant::VehicleModel> model);
   // The warnings of loading, each once.
   const std::vector<std::string>& warnings() const { return warnings_; }
 
@@ -84,7 +86,7 @@ Scenario ReadResolvedText(const std::string& yaml, ModelCache& models);
 // in the fault, or the reason why it cannot act then.
 Scenario WithInjected(const Scenario& scenario, const AddedFault& fault);
 // Reads it for a flight in lockstep, where every fault can be added that the client can take. `models` may hold the vehicle.
-faults::FaultSpec ReadFault(const Scenario& scenario, const AddedFault& fault, ModelCache& models);
+faults::FaultSpec ReadFault(Scenario& scenario, const AddedFault& fault, ModelCache& models);
 
 // MODEL of design-lqr: a name in the models folder, or a path ending in .sdf. Throws UsageError.
 std::filesystem::path ResolveModel(const std::string& model);

@@ -76,8 +76,7 @@ struct FlightJob {
   std::function<Injections()> injections = {};
   // Steers it, in its worker process, in lockstep: called at power-on and at each row, with the scenario as
   // it was flown so far. While it waits, it calls `alive` now and then.
-  std::function<void(SteeredFlight& flight, const Scenario& flown, const std::function<void()>& alive)>
-      steer = {};
+  std::function<void(SteeredFlight& flight, Scenario& flown, const std::function<void()>& alive)> steer = {};
   // It is this future of the scenario's flight. In lockstep, in one process.
   std::optional<Future> future = {};
   // Futures that are flown beside it, of a library in lockstep.

@@ -364,15 +364,16 @@ std::optional<TimeNs> Node::Inject(AddedFault fault) {
   // The harness has checked it already, also against the vehicle.
   ReadOptions options;
   options.models_folder = loaded_->scenario.model_file.parent_path();
-  Scenario more = AddFault(loaded_->scenario, fault, options);
-  const auto done_until_ns = role_->DoneUntil(*faults::FindFaultType(more.faults.back().type));
+  Scenario& flown = loaded_->scenario;
+  AddFault(flown, fault, options);
+  const auto done_until_ns = role_->DoneUntil(*faults::FindFaultType(flown.faults.back().type));
   if (done_until_ns) {
-    fault.start_ns = KeptBegin(more, fault.start_ns, *done_until_ns);
-    if (fault.start_ns >= more.duration_ns) return fault.start_ns;
-    more = AddFault(loaded_->scenario, fault, options);
+    flown.faults.pop_back();
+    fault.start_ns = KeptBegin(flown, fault.start_ns, *done_until_ns);
+    if (fault.start_ns >= flown.duration_ns) return fault.start_ns;
+    AddFault(flown, fault, options);
   }
-  loaded_->scenario.faults.push_back(more.faults.back());
-  role_->Inject(more.faults.back());
+  role_->Inject(flown.faults.back());
   return done_until_ns ? std::optional(fault.start_ns) : std::nullopt;
 }
 

@@ -143,7 +143,7 @@ Scenario ParseScenario(const std::string& text, const std::filesystem::path& fil
   return Read(file, text, options).first;
 }
 
-Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadOptions& options) {
+void AddFault(Scenario& scenario, const AddedFault& fault, const ReadOptions& options) {
   const std::filesystem::path file = "fault";
   std::vector<YamlProblem> problems;
   std::optional<YamlNode> node = ParseYaml(fault.text, problems);
@@ -157,14 +157,15 @@ Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadO
   const YamlMark duration = given == nullptr ? node->mark : given->key_mark;
   SetWindow(fault, *node, problems);
   if (!problems.empty()) ThrowProblems(file, std::move(problems));
-  Scenario more = scenario;
-  more.file = file;  // of places
+  const std::filesystem::path own_file = std::exchange(scenario.file, file);  // of places
   MappingReader reader(*node, problems);
-  DescribeFault(reader, more.faults.emplace_back());
+  DescribeFault(reader, scenario.faults.emplace_back());
   reader.Finish();
-  CheckLastFault(*node, options, more, problems);
-  more.file = scenario.file;
-  if (problems.empty()) return more;
+  CheckLastFault(*node, options, scenario, problems);
+  scenario.file = own_file;
+  if (problems.empty()) return;
+  scenario.faults.pop_back();
+  scenario.fault_places.pop_back();
   try {
     ThrowProblems(file, std::move(problems));
   } catch (const ScenarioError& error) {

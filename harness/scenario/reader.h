@@ -87,8 +87,9 @@ struct AddedFault {
   std::string id;    // when it has none
   TimeNs start_ns = 0;
 };
-// The scenario with that fault behind its others. Throws ScenarioError, in which the text is the file "fault".
-Scenario AddFault(const Scenario& scenario, const AddedFault& fault, const ReadOptions& options);
+// Puts that fault behind the scenario's others, in time that hardly depends on their number. Throws ScenarioError, in
+// which the text is the file "fault"; the scenario is unchanged then.
+void AddFault(Scenario& scenario, const AddedFault& fault, const ReadOptions& options);
 
 // YAML that reads back as an equal scenario, with every default written out and every file absolute.
 std::string WriteResolved(const Scenario& scenario);

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -349,7 +350,9 @@ class Checker : ScenarioCheck {
     const YamlNode* list = ValueOf(&root_, "faults");
     std::map<std::string_view, YamlMark> ids;
     scenario_.fault_places.resize(first_fault_);
-    for (std::size_t i = 0; i < first_fault_; ++i) ids.try_emplace(scenario_.faults[i].id, YamlMark{0, 0});
+    for (std::size_t i = 0; i < first_fault_; ++i)
+      if (scenario_.faults[i].id == scenario_.faults.back().id)
+        ids.try_emplace(scenario_.faults[i].id, YamlMark{0, 0});
     for (std::size_t i = first_fault_; i < scenario_.faults.size(); ++i) CheckFault(i, NodeOf(i, *list), ids);
     if (list == nullptr) return;
     CheckVolume(*list);
@@ -496,8 +499,9 @@ class Checker : ScenarioCheck {
 
   void CheckVolume(const YamlNode& list) {
     const auto& faults = scenario_.faults;
+    const std::span added = std::span(faults).subspan(first_fault_);
     const auto is_valid = [](const faults::FaultSpec& fault) { return faults::Validate(fault).empty(); };
-    if (!std::all_of(faults.begin(), faults.end(), is_valid)) return;
+    if (!std::ranges::all_of(added, is_valid) || std::ranges::none_of(added, faults::DoublesBytes)) return;
     const auto too_much = faults::CertainOverfull(faults, scenario_.duration_ns, *scenario_.link.protocol);
     if (!too_much) return;
     std::vector<std::string> ids;

@@ -72,7 +72,7 @@ def cell(row):
     if row is None:
         return NO_MARGIN
     if "error" in row:
-        return "error"
+        return "never acted" if row["levels"] and len(row.get("idle_levels", [])) == len(row["levels"]) else "error"
     sure = EXACT if row["seeds"] == 1 else ""
     if row["survives"] is None:
         return "none"

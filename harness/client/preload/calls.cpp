@@ -466,7 +466,7 @@ long OnTime(const Call& call) {
     case SYS_settimeofday:
     case SYS_clock_adjtime:
     case SYS_adjtimex:
-      return -EPERM;
+      Refuse("it sets a clock (clock_settime, settimeofday or adjtimex); the harness keeps its time");
     case SYS_alarm:
       return Alarm(a[0]);
     case SYS_setitimer:
@@ -558,6 +558,14 @@ long OnDescriptor(const Call& call) {
       Refuse("it waits for several futexes at once (futex_waitv)");
     case SYS_io_uring_setup:
       Refuse("it uses io_uring, whose waits are invisible");
+    case SYS_mq_open:
+    case SYS_mq_timedreceive:
+    case SYS_mq_timedsend:
+      Refuse("it uses a POSIX message queue (mq_open), which would wait in the machine's time");
+    case SYS_msgrcv:
+    case SYS_semop:
+    case SYS_semtimedop:
+      Refuse("it waits for a System V message or semaphore (msgrcv, semop) in the machine's time");
     default: {
       static char text[96];
       std::snprintf(text, sizeof text,

@@ -120,6 +120,7 @@ constexpr int kTrapped[] = {
     SYS_kill,
     SYS_rt_sigqueueinfo,
     SYS_socket,
+    SYS_mq_open,
     SYS_mq_timedreceive,
     SYS_mq_timedsend,
     SYS_semtimedop,

@@ -62,6 +62,24 @@ class MarginTest(CommandLineTest):
         out = self.tiltproof(*command.replace("scenarios/", f"{SOURCE}/scenarios/").split())[1]
         self.assertIn(shown, out)
 
+    def test_a_fault_that_never_acts_has_no_margin(self):
+        """Its condition never holds: every flight is one without the fault."""
+        scenario = self.short("frame.drop", "probability: 0.5", ", when: z_m > 100, target: to_client")
+        code, out, err = self.tiltproof("margin", scenario, "--fault", "probe", "--tolerance", "0.2")
+        self.assertEqual(code, 4, err)
+        self.assertIn("margin: no margin: fault 'probe': it never acted at any of the", err)
+        self.assertNotIn("survives", out)
+
+    def test_levels_at_which_the_fault_never_acts_are_named(self):
+        """A rate of 1e-9 changes no bit of a short flight."""
+        scenario = self.short("wire.bit_error", "ber: 0.001", ", target: to_client")
+        flags = (scenario, "--fault", "probe", "--repeats", "1", "--tolerance", "0.2")
+        margin = self.margin(*flags)[-1]
+        self.assertLess(max(margin["idle_levels"]), margin["survives"])
+        self.assertLess(min(margin["idle_levels"]), 2e-9)
+        out = self.tiltproof("margin", *flags)[1]
+        self.assertIn(f"  the fault never acted at {len(margin['idle_levels'])} of these levels, the last of which is ", out)
+
     def test_a_limit_is_before_every_pocket(self):
         """On this spiral a lag of one servo is survived at 18 ms and not at 15.2 ms: a search that only climbs and bisects finds a limit of 25 ms."""
         text = (SOURCE / "scenarios/envelope/spiral.yaml").read_text()
@@ -149,6 +167,22 @@ class EnvelopeTest(CommandLineTest):
         found, out, err = self.tiltproof("envelope", base, "--repeats", "1", "--tolerance", "0.2", "--out", "out", *arguments)
         self.assertEqual(found, code, err)
         return json.loads((self.folder / "out/envelope.json").read_text()), out
+
+    def test_a_fault_that_never_acts_is_shown(self):
+        """No frame begins within a millisecond. A later --resume does not fly the row again."""
+        base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 1.001")
+        flags = ("--types", "frame.drop", "--repeats", "1", "--tolerance", "0.2")
+        code, out, err = self.tiltproof("envelope", base, *flags, "--out", "out")
+        self.assertEqual(code, 0, err)
+        self.assertRegex(out, r"frame.drop +to_client +1 +never acted\n")
+        file = self.folder / "out/envelope.json"
+        before = file.read_text()
+        [row] = [row for row in json.loads(before)["rows"] if row["target"] == "to_client"]
+        self.assertEqual((row["survives"], row["fails"], row["survived_share"]), (None, None, None))
+        self.assertEqual(row["idle_levels"], [level for level, _ in row["levels"]])
+        self.assertIn("never acted at any of the", row["error"])
+        code, out, err = self.tiltproof("envelope", base, *flags, "--resume", "out")
+        self.assertEqual((code, file.read_text()), (0, before), err)
 
     def test_two_firmwares(self):
         envelope, out = self.envelope("--types", "frame.drop,actuator.loss*,device.*", "--firmware", "paper,tolerant", "-j", "2")

@@ -32,7 +32,9 @@ class InjectionTest : public FaultFile {
       return wish;
     };
     injections_.add = [this](const Scenario& scenario, const AddedFault& fault) {
-      return AddFault(scenario, fault, options_);
+      Scenario more = scenario;
+      AddFault(more, fault, options_);
+      return more;
     };
     injections_.answer = [this](const Injections::Answer& answer) { answers_.push_back(answer); };
   }
@@ -77,7 +79,9 @@ TEST_F(InjectionTest, IsRecordedAsItActsWhereItsNodeHearsTooLate) {
   const auto event = Inject(kDrop, 1'000 * kNsPerMs, [&](AddedFault fault) {
     EXPECT_EQ(fault.start_ns, 1'044 * kNsPerMs);
     fault.start_ns = KeptBegin(scenario_, fault.start_ns, now_ns);
-    line.Add(AddFault(scenario_, fault, options_).faults.back());
+    Scenario kept = scenario_;
+    AddFault(kept, fault, options_);
+    line.Add(kept.faults.back());
     return std::vector{fault.start_ns};
   });
   std::vector<TimeNs> sent_ns;

@@ -14,8 +14,9 @@ using ::testing::Not;
 class AddedFaultTest : public FaultFile {
  protected:
   Scenario Add(const std::string& text) {
-    const Scenario scenario = Read("  - {id: first, type: harness.null}\n");
-    return AddFault(scenario, {.text = text, .id = "injected-1", .start_ns = 1'234 * kNsPerMs}, options_);
+    Scenario scenario = Read("  - {id: first, type: harness.null}\n");
+    AddFault(scenario, {.text = text, .id = "injected-1", .start_ns = 1'234 * kNsPerMs}, options_);
+    return scenario;
   }
   std::string ErrorOf(const std::string& text) {
     try {
@@ -64,6 +65,38 @@ TEST_F(AddedFaultTest, SaysWhatIsWrongAndWhere) {
               HasSubstr("fault:1:22: end_s: a fault that is injected"));
   EXPECT_THAT(ErrorOf("[1, 2]"), HasSubstr("expected a fault"));
   EXPECT_THAT(ErrorOf("{type: ["), HasSubstr("fault:1:"));
+}
+
+TEST_F(AddedFaultTest, AnErrorLeavesTheScenarioAsItWas) {
+  Scenario scenario = Read("  - {id: first, type: harness.null}\n");
+  const std::string before = WriteResolved(scenario);
+  const std::filesystem::path file = scenario.file;
+  for (const char* text : {"{id: first, type: link.silence, target: to_client}", "{type: frame.dorp}",
+                           "{type: link.silence, target: to_client, duration_s: -1}"})
+    EXPECT_THROW(AddFault(scenario, {.text = text, .id = "mine"}, options_), ScenarioError) << text;
+  EXPECT_EQ(WriteResolved(scenario), before);
+  EXPECT_EQ(scenario.file, file);
+  EXPECT_EQ(scenario.fault_places.size(), 1U);
+}
+
+// 2^17 times a reply of 68 bytes is more than a line holds, 2^16 times is not. A fault between them that doubles nothing
+// changes nothing of that.
+TEST_F(AddedFaultTest, IsCheckedTogetherWithTheOthers) {
+  Scenario scenario = Read("  - {id: first, type: harness.null}\n");
+  const auto add = [&](const std::string& id, const std::string& of) {
+    AddFault(scenario, {.text = "{target: to_client, " + of + "}", .id = id}, options_);
+  };
+  const std::string doubles = "type: wire.byte_duplicate, parameters: {probability: 1}";
+  for (int i = 0; i < 16; ++i) add("double-" + std::to_string(i), doubles);
+  add("flips", "type: wire.bit_error, parameters: {ber: 1e-6}");
+  try {
+    add("last", doubles);
+    FAIL() << "17 duplications were accepted";
+  } catch (const ScenarioError& error) {
+    EXPECT_THAT(error.what(),
+                AllOf(HasSubstr("id: together 'double-0'"), HasSubstr("'last' make more than")));
+  }
+  EXPECT_EQ(scenario.faults.size(), 18U);
 }
 
 }  // namespace

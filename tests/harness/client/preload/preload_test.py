@@ -54,6 +54,7 @@ REFUSED = {
     "rdtsc": "cycle counter", "spin_clock": "it reads the clock, or asks for input, again and again", "spin_port": "again and again",
     "spin_poll": "again and again", "spin_flag": "4 s of the processor", "timer_thread": "a timer that starts threads",
     "profile": "timer of processor time", "icanon": "cfmakeraw()", "io_uring": "io_uring",
+    "mq_open": "POSIX message queue (mq_open)", "msgrcv": "System V message", "clock_settime": "it sets a clock (clock_settime",
 }
 
 

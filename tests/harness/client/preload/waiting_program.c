@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/io_uring.h>
+#include <mqueue.h>
 #include <poll.h>
 #include <pthread.h>
 #include <semaphore.h>
@@ -16,6 +17,8 @@
 #include <sys/auxv.h>
 #include <sys/epoll.h>
 #include <sys/ioctl.h>
+#include <sys/ipc.h>
+#include <sys/msg.h>
 #include <sys/random.h>
 #include <sys/select.h>
 #include <sys/stat.h>
@@ -445,6 +448,18 @@ static void uses_ring(void) {
   struct io_uring_params parameters = {0};
   syscall(SYS_io_uring_setup, 4, &parameters);
 }
+static void opens_queue(void) { mq_open("/tiltproof-waiting", O_RDONLY | O_CREAT, 0600, NULL); }
+static void waits_for_message(void) {
+  struct {
+    long type;
+    char text[8];
+  } message;
+  msgrcv(msgget(IPC_PRIVATE, 0600), &message, sizeof message.text, 0, 0);
+}
+static void sets_clock(void) {
+  const struct timespec time = {.tv_sec = 1};
+  clock_settime(CLOCK_REALTIME, &time);
+}
 static void crashes(void) { *(volatile int*)16 = 1; }
 static void exits(void) {
   usleep(1000);
@@ -476,6 +491,9 @@ static const struct {
              {"profile", profiles},
              {"icanon", edits_lines},
              {"io_uring", uses_ring},
+             {"mq_open", opens_queue},
+             {"msgrcv", waits_for_message},
+             {"clock_settime", sets_clock},
              {"crash", crashes},
              {"exit", exits}};
 
