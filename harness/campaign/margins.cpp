@@ -101,9 +101,8 @@ double SurePassShare(int count) { return std::pow(0.05, 1.0 / count); }
 
 std::string WhyNeverActed(const Margin& margin) {
   return fmt::format(
-      "it never acted at any of the {} levels, so no flight tests it: check its window, its condition and "
-      "the "
-      "place where it acts",
+      "it never acted at any of the {} levels, so no flight tests it: check its window, its condition "
+      "and the place where it acts",
       margin.levels.size());
 }
 
