@@ -17,7 +17,7 @@ class Lease {
  public:
   using Clock = std::chrono::steady_clock;
 
-  // What DDS says.
+  // By DDS.
   void Say(bool is_kept) { is_kept_ = is_kept; }
   // A message of the publisher was taken.
   void Hear(Clock::time_point now) { heard_ = now; }
