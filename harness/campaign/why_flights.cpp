@@ -63,13 +63,12 @@ WhyFlights::WhyFlights(FlightJob job, std::string criterion, Options options)
   job_.recorder = {};
 }
 
-bool WhyFlights::Fails(const FlightResult& result) const {
-  if (result.score.cause == VerdictCause::kFirmware) return true;
-  return std::any_of(result.score.criteria.begin(), result.score.criteria.end(),
-                     [&](const CriterionResult& criterion) {
-                       return criterion.verdict == Verdict::kFail &&
-                              (criterion.name == criterion_ || criterion.name == "survival");
-                     });
+bool WhyFlights::Fails(const Score& score) const {
+  if (score.cause == VerdictCause::kFirmware) return true;
+  return std::any_of(score.criteria.begin(), score.criteria.end(), [&](const CriterionResult& criterion) {
+    return criterion.verdict == Verdict::kFail &&
+           (criterion.name == criterion_ || criterion.name == "survival");
+  });
 }
 
 Future WhyFlights::FutureAt(TimeNs moment, std::size_t number) const {
@@ -97,7 +96,8 @@ std::optional<std::vector<FutureCount>> WhyFlights::Forked(const std::vector<Tim
       .futures_count = static_cast<std::uint32_t>(options_.futures_count),
       .jobs_count = options_.jobs_count,
       .make = [&](std::size_t moment, std::uint32_t number) { return FutureAt(moments[moment], number); },
-      .fails = [this](const FlightResult& result) { return Fails(result); },
+      .fails = [this](const Score& score) { return Fails(score); },
+      .criterion = criterion_,
       .channel = pipe.channel()};
   Engine engine({.jobs_count = 1, .tell = options_.tell, .interrupted = options_.interrupted});
   std::future<FlightResult> flown = engine.Submit(std::move(job));
@@ -136,7 +136,7 @@ std::vector<FutureCount> WhyFlights::FlownAgain(const std::vector<TimeNs>& momen
   for (const TimeNs moment : moments) first.push_back(FutureAt(moment, 0));
   std::vector<FutureCount> counts;
   for (const FlightResult& result : Fly(first))
-    counts.push_back({1, Fails(result) ? std::size_t{1} : std::size_t{0}, !result.is_of_any_seed});
+    counts.push_back({1, Fails(result.score) ? std::size_t{1} : std::size_t{0}, !result.is_of_any_seed});
   if (counts.size() < moments.size()) return {};
   std::vector<std::size_t> places;
   for (std::size_t i = 0; i < moments.size(); ++i)
@@ -148,7 +148,7 @@ std::vector<FutureCount> WhyFlights::FlownAgain(const std::vector<TimeNs>& momen
   if (results.size() < others.size()) return {};
   for (std::size_t i = 0; i < results.size(); ++i) {
     ++counts[places[i]].futures;
-    counts[places[i]].fails += Fails(results[i]) ? 1 : 0;
+    counts[places[i]].fails += Fails(results[i].score) ? 1 : 0;
   }
   return counts;
 }
@@ -161,7 +161,7 @@ std::vector<bool> WhyFlights::FailsWith(const std::vector<FaultSet>& sets) {
       if (!kept.contains(fault)) future.cut.push_back(fault);
   }
   std::vector<bool> fails;
-  for (const FlightResult& result : Fly(futures)) fails.push_back(Fails(result));
+  for (const FlightResult& result : Fly(futures)) fails.push_back(Fails(result.score));
   return fails;
 }
 

@@ -48,7 +48,7 @@ class WhyFlights {
     return options_.interrupted != nullptr && options_.interrupted->load(std::memory_order_relaxed);
   }
   // True if it violates the criterion, or does not survive.
-  bool Fails(const FlightResult& result) const;
+  bool Fails(const Score& score) const;
   Future FutureAt(TimeNs moment, std::size_t number) const;
   std::optional<std::vector<FutureCount>> Forked(const std::vector<TimeNs>& moments);
   std::vector<FutureCount> FlownAgain(const std::vector<TimeNs>& moments);

@@ -18,6 +18,7 @@
 #include "faults/random.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/engine/process_state.h"
+#include "harness/run/supervisor_states.h"
 
 namespace tiltproof::harness {
 namespace {
@@ -25,28 +26,31 @@ namespace {
 // Exit codes of a copy.
 constexpr int kDrew = 0, kDrewNothing = 3;
 
+// The parts that the judge of this criterion reads. `survival` and `control_period` need neither bytes nor states.
+LogParts PartsFor(const std::string& criterion, const Scenario& scenario) {
+  if (criterion == kCleanLineCriterion) return {};
+  const auto spec = std::ranges::find(scenario.criteria, criterion, &CriterionSpec::name);
+  if (spec == scenario.criteria.end()) return {.bytes = false, .states = false};
+  if (!spec->metric.empty()) return {};
+  return {.bytes = false, .states = spec->stl.find(SupervisorStateColumn(scenario, 0)) != std::string::npos};
+}
+
 }  // namespace
 
-ForkedFutures::ForkedFutures(const FutureForks& forks, const Scenario& scenario, Judge judge,
+ForkedFutures::ForkedFutures(const FutureForks& forks, const Scenario& scenario,
                              const std::atomic<bool>* interrupted)
-    : forks_(forks),
-      scenario_(scenario),
-      judge_(std::move(judge)),
-      interrupted_(interrupted),
-      draws_(forks.moments.size(), true) {}
+    : forks_(forks), scenario_(scenario), interrupted_(interrupted), draws_(forks.moments.size(), true) {}
 
 RunLog ForkedFutures::Fly(FlightOptions options, const std::function<RunLog(const FlightOptions&)>& fly) {
   options.moments = forks_.moments;
   options.at_moment = [this](std::size_t moment) { return Reach(moment); };
+  if (forks_.criterion && !forks_.hashes) options.parts = PartsFor(*forks_.criterion, scenario_);
   std::optional<RunLog> log;
   try {
     log = fly(options);
-    if (future_) {
-      const FlightResult result = judge_(WithFuture(scenario_, *future_), *log);
-      End(&result);
-    }
+    if (future_) End(*log);
   } catch (const std::exception&) {
-    if (future_) End(nullptr);
+    if (future_) EndInError();
     throw;
   }
   WaitUntilAtMost(0);
@@ -123,15 +127,21 @@ void ForkedFutures::Write(const FutureReport& report) const {
   }
 }
 
-// Null: the flight is an error. No destructors or exit handlers: they are the worker's.
-void ForkedFutures::End(const FlightResult* result) const {
+void ForkedFutures::End(const RunLog& log) const {
+  const Score score = ScoreRun(WithFuture(scenario_, *future_), log, {.only = forks_.criterion});
   FutureReport report = report_;
+  report.verdict = score.verdict;
+  report.fails = forks_.fails(score);
+  if (forks_.hashes)
+    std::snprintf(report.hash.data(), report.hash.size(), "%s", TraceHash(log.trace).c_str());
+  Hand(report);
+}
+
+void ForkedFutures::EndInError() const { Hand(report_); }
+
+// No destructors or exit handlers: they are the worker's.
+void ForkedFutures::Hand(FutureReport report) const {
   report.drew = faults::Random::DrawnCount() != drawn_before_;
-  if (result != nullptr) {
-    report.verdict = result->score.verdict;
-    report.fails = forks_.fails(*result);
-    std::snprintf(report.hash.data(), report.hash.size(), "%s", result->trace_hash.c_str());
-  }
   Write(report);
   _exit(report.drew ? kDrew : kDrewNothing);
 }

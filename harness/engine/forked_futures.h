@@ -18,12 +18,13 @@
 #include <deque>
 #include <functional>
 #include <optional>
+#include <string>
 #include <vector>
 
-#include "harness/engine/flight_result.h"
 #include "harness/run/flight.h"
 #include "harness/run/future.h"
 #include "harness/scenario/scenario.h"
+#include "harness/score/score.h"
 
 namespace tiltproof::harness {
 
@@ -35,7 +36,7 @@ struct FutureReport {
   bool drew = false;          // after the moment, a random number
   bool lost = false;          // its process died: the firmware took it along
   bool has_threads = false;   // nothing is forked: the firmware has threads
-  std::array<char, 17> hash;  // of the trace
+  std::array<char, 17> hash;  // of the trace; empty: not asked for
 };
 
 struct FutureForks {
@@ -43,17 +44,17 @@ struct FutureForks {
   std::uint32_t futures_count = 1;   // at each moment, at most
   int jobs_count = 1;                // processes at a time
   std::function<Future(std::size_t moment, std::uint32_t number)> make = {};
-  std::function<bool(const FlightResult&)> fails = {};
-  int channel = -1;  // the pipe's end for writing
+  std::function<bool(const Score&)> fails = {};
+  // `fails` reads only this criterion, those that every flight has, and no metrics. None: it may read all.
+  std::optional<std::string> criterion = {};
+  bool hashes = false;  // in the reports
+  int channel = -1;     // the pipe's end for writing
 };
 
 // In the worker process.
 class ForkedFutures {
  public:
-  // `judge` scores a flight of the scenario.
-  using Judge = std::function<FlightResult(const Scenario&, const RunLog&)>;
-  ForkedFutures(const FutureForks& forks, const Scenario& scenario, Judge judge,
-                const std::atomic<bool>* interrupted);
+  ForkedFutures(const FutureForks& forks, const Scenario& scenario, const std::atomic<bool>* interrupted);
 
   // Flies by `fly`, and waits until all futures have reported. Returns only in the worker itself. Throws
   // std::runtime_error when no process can be forked.
@@ -70,11 +71,12 @@ class ForkedFutures {
   void WaitUntilAtMost(std::size_t copies_count);
   void Collect(const Copy& copy);
   void Write(const FutureReport& report) const;
-  [[noreturn]] void End(const FlightResult* result) const;
+  [[noreturn]] void End(const RunLog& log) const;
+  [[noreturn]] void EndInError() const;
+  [[noreturn]] void Hand(FutureReport report) const;
 
   const FutureForks& forks_;
   const Scenario& scenario_;
-  Judge judge_;
   const std::atomic<bool>* interrupted_;
   std::deque<Copy> copies_;
   std::vector<bool> draws_;  // by moment: none of its futures has reported that it drew nothing

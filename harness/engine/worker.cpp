@@ -76,10 +76,7 @@ RunLog FlyOrFork(const FlightJob& job, FlightOptions options, const std::atomic<
   }
   const auto fly = [&](const FlightOptions& chosen) { return Fly(job.scenario, *job.model, chosen); };
   if (!job.forks) return fly(options);
-  const auto judge = [&](const Scenario& scored, const RunLog& log) {
-    return MakeResult(job.name, scored, log, job.replay);
-  };
-  return ForkedFutures(*job.forks, job.scenario, judge, interrupted).Fly(std::move(options), fly);
+  return ForkedFutures(*job.forks, job.scenario, interrupted).Fly(std::move(options), fly);
 }
 
 void PrintHowToDebug(const ClientSpec& spec, const ClientSettings& settings, const DebugStop& stop) {

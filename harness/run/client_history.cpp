@@ -13,18 +13,6 @@
 namespace tiltproof::harness {
 namespace {
 
-// The messages of the client as it sent them. Calls visit(begin_ns, message).
-template <class Visit>
-void ForEachSentMessage(const LinkLog& link, std::size_t client, const link::Protocol& protocol,
-                        const Visit& visit) {
-  MessageReceiver receiver(protocol, link::Direction::kToPlant);
-  std::size_t offset = 0;
-  while (const auto record = link.Next(offset)) {
-    if (record->delivered || record->wire != WireId{client, link::Direction::kToPlant}) continue;
-    receiver.Receive(record->bytes, [&](const link::Message& message) { visit(record->begin_ns, message); });
-  }
-}
-
 // Describes the bytes that the server got from a client that it could not start with.
 std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol& protocol) {
   MessageReceiver receiver(protocol, link::Direction::kToPlant);
@@ -48,16 +36,12 @@ std::string Heard(const LinkLog& link, std::size_t client, const link::Protocol&
   return text;
 }
 
-// A sign of a client's boots; signs are kept in order of time.
-struct Sign {
-  TimeNs time_ns = 0;
-  enum Kind : std::uint8_t { kReset, kStart, kActuators } kind = kReset;
-  std::string text;
-};
+using Sign = ClientHistory::Sign;
 
 // In real time, a reset may be reported some periods after the `start` that follows it.
 constexpr TimeNs kReportedLateMax = 50 * kNsPerMs;
 
+// `signs`: in order of time.
 std::vector<Restart> RestartsFrom(const std::vector<Sign>& signs, TimeNs first_answer_ns) {
   std::vector<Restart> restarts;
   enum : std::uint8_t { kFlies, kWasReset, kHasStarted } state = kHasStarted;
@@ -91,22 +75,30 @@ std::vector<Restart> RestartsFrom(const std::vector<Sign>& signs, TimeNs first_a
 
 }  // namespace
 
-void AddClientHistory(RunLog& log, std::size_t client, const link::Protocol& protocol) {
+ClientHistory::ClientHistory(const link::Protocol& protocol)
+    : protocol_(protocol), receiver_(protocol, link::Direction::kToPlant) {}
+
+void ClientHistory::Receive(TimeNs begin_ns, std::span<const std::uint8_t> bytes) {
+  receiver_.Receive(bytes, [&](const link::Message& message) {
+    if (message.type == &protocol_.PeriodMessage()) requests_ns_.push_back(begin_ns);
+    if (!protocol_.repeated_start_is_boot) return;
+    if (message.type->starts) signs_.push_back({begin_ns, Sign::kStart, "it sent `start` again"});
+    // Only the first command after a `start` shows anything.
+    const bool is_first = signs_.empty() || signs_.back().kind == Sign::kStart;
+    if (message.type->has_signals() && is_first) signs_.push_back({begin_ns, Sign::kActuators, {}});
+  });
+}
+
+void ClientHistory::AddTo(RunLog& log, std::size_t client) const {
   ClientLog& own = log.clients.at(client);
-  own.sent_request_times_ns.clear();
+  own.sent_request_times_ns = requests_ns_;
   std::vector<Sign> signs;
   if (own.starts_accepted_count != 0) {
     for (const RunEvent& event : log.events)
       if (event.kind == kResetEvent && event.client.value_or(0) == client && event.time_ns > 0)
         signs.push_back({event.time_ns, Sign::kReset, event.text});
   }
-  const link::MessageType& period_message = protocol.PeriodMessage();
-  ForEachSentMessage(log.link, client, protocol, [&](TimeNs time_ns, const link::Message& message) {
-    if (message.type == &period_message) own.sent_request_times_ns.push_back(time_ns);
-    if (!protocol.repeated_start_is_boot) return;
-    if (message.type->starts) signs.push_back({time_ns, Sign::kStart, "it sent `start` again"});
-    if (message.type->has_signals()) signs.push_back({time_ns, Sign::kActuators, {}});
-  });
+  signs.insert(signs.end(), signs_.begin(), signs_.end());
   std::stable_sort(signs.begin(), signs.end(),
                    [](const Sign& a, const Sign& b) { return a.time_ns < b.time_ns; });
   own.restarts = RestartsFrom(signs, own.actuator_times_ns.empty() ? kNever : own.actuator_times_ns.front());

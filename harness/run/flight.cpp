@@ -621,7 +621,7 @@ RunLog Fly(const Scenario& scenario, const plant::VehicleModel& model, const Fli
   const VehicleSignals signals = model.signals();
   const bool steers = static_cast<bool>(options.steer);
   Check(!steers || options.flown != nullptr, "a steered flight tells what was flown");
-  LogBuilder log(steers ? *options.flown : scenario, signals, options.observer);
+  LogBuilder log(steers ? *options.flown : scenario, signals, options.observer, options.parts);
   LocalLines lines(scenario, log, UseOf(options));
   LocalPlantServer server(scenario, model, log, UseOf(options));
   const LocalParts parts{server, lines.local()};

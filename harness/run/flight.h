@@ -53,6 +53,8 @@ struct FlightOptions {
   std::optional<std::size_t> open = {};
   // False: the log has only the counts of activations.
   bool keeps_activations = true;
+  // The log has only these parts.
+  LogParts parts = {};
   // Called at power-on and at each row; none: the flight is not steered. Then `flown` is a copy of the scenario, which gets
   // what is changed.
   std::function<void(SteeredFlight& flight)> steer = {};

@@ -9,7 +9,6 @@
 
 #include "faults/activity.h"
 #include "faults/registry.h"
-#include "harness/run/client_history.h"
 #include "harness/run/line.h"
 #include "harness/run/protocol_use.h"
 
@@ -41,12 +40,15 @@ bool IsKnown(const record::Bytes& bytes) {
 
 }  // namespace
 
-LogBuilder::LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, RecordSink* observer)
+LogBuilder::LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, RecordSink* observer,
+                       const LogParts& parts)
     : scenario_(scenario),
       layout_(vehicle, scenario),
       observer_(observer),
-      clients_(scenario.client_count()),
+      parts_(parts),
       lines_(scenario.lines.size()) {
+  for (std::size_t client = 0; client < scenario.client_count(); ++client)
+    clients_.emplace_back(*scenario.link.protocol);
   log_.trace = Trace(layout_.columns);
   const TimeNs period_ns = scenario.link.protocol->control_period_ns;
   log_.trace.Reserve(
@@ -62,7 +64,7 @@ void LogBuilder::Write(const Record& record) {
   if (owner >= clients_.size()) {
     const auto* bytes = std::get_if<record::Bytes>(&record.body);
     const bool is_line = owner - clients_.size() < lines_.size();
-    if (is_line && bytes != nullptr && IsKnown(*bytes))
+    if (parts_.bytes && is_line && bytes != nullptr && IsKnown(*bytes))
       lines_[owner - clients_.size()].Append(record.time_ns, bytes->bytes, {owner, bytes->direction},
                                              bytes->side);
     return;
@@ -83,7 +85,10 @@ void LogBuilder::Add(const Record& /*of*/, const record::Row& row) {
 void LogBuilder::Add(const Record& of, const record::Bytes& bytes) {
   if (!IsKnown(bytes)) return;
   const std::size_t client = of.client.value_or(0);
-  clients_[client].link.Append(of.time_ns, bytes.bytes, {client, bytes.direction}, bytes.side);
+  if (bytes.direction == link::Direction::kToPlant && bytes.side == ByteSide::kSent)
+    clients_[client].history.Receive(of.time_ns, bytes.bytes);
+  if (parts_.bytes)
+    clients_[client].link.Append(of.time_ns, bytes.bytes, {client, bytes.direction}, bytes.side);
 }
 
 void LogBuilder::Add(const Record& of, const record::Counters& counters) {
@@ -258,7 +263,7 @@ RunLog LogBuilder::Take() {
   AddCounters();
   AddWatched();
   AddInjected();
-  AddStates();
+  if (parts_.states) AddStates();
   AddLateness();
   for (PerClient& client : clients_) log_.link.Append(std::move(client.link));
   for (LinkLog& line : lines_) log_.link.Append(std::move(line));
@@ -266,10 +271,10 @@ RunLog LogBuilder::Take() {
   SortByTime(log_.activations);
   const link::Protocol& protocol = *scenario_.link.protocol;
   for (std::size_t client = 0; client < clients_.size(); ++client) {
-    AddClientHistory(log_, client, protocol);
-    AddProtocolUse(log_, client, protocol, scenario_.link.main_rate());
+    clients_[client].history.AddTo(log_, client);
+    if (parts_.bytes) AddProtocolUse(log_, client, protocol, scenario_.link.main_rate());
   }
-  ExplainNeverStarted(log_, protocol);
+  if (parts_.bytes) ExplainNeverStarted(log_, protocol);
   return std::move(log_);
 }
 

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "harness/run/client_history.h"
 #include "harness/run/record.h"
 #include "harness/run/run_log.h"
 #include "harness/run/supervisor_states.h"
@@ -20,10 +21,17 @@
 
 namespace tiltproof::harness {
 
+// Parts of a log that its reader may do without.
+struct LogParts {
+  bool bytes = true;   // of the lines, and the use of the protocol, which follows from them
+  bool states = true;  // columns of what clients tell: supervisor_state, role
+};
+
 class LogBuilder final : public RecordSink {
  public:
   // Both must outlive it. Faults may be added to `scenario` meanwhile. `observer`: gets each record, too.
-  LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, RecordSink* observer = nullptr);
+  LogBuilder(const Scenario& scenario, const VehicleSignals& vehicle, RecordSink* observer = nullptr,
+             const LogParts& parts = {});
 
   // Ignores a record that does not fit the scenario: another process may write anything.
   void Write(const Record& record) override;
@@ -62,7 +70,9 @@ class LogBuilder final : public RecordSink {
 
   // A client's records that only become part of the log at the end.
   struct PerClient {
+    explicit PerClient(const link::Protocol& protocol) : history(protocol) {}
     LinkLog link;
+    ClientHistory history;
     std::vector<std::pair<TimeNs, LineCounts>> counters;
     std::vector<std::pair<TimeNs, std::vector<double>>> watched;
     std::vector<ToldChange> states, roles;
@@ -71,6 +81,7 @@ class LogBuilder final : public RecordSink {
   const Scenario& scenario_;
   TraceLayout layout_;
   RecordSink* observer_;
+  LogParts parts_;
   RunLog log_;
   std::vector<PerClient> clients_;
   std::vector<LinkLog> lines_;  // between boards

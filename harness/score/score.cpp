@@ -481,6 +481,17 @@ void DoubtForLateness(Score& score, const Scenario& scenario, const RunLog& log)
   }
 }
 
+void AddHistograms(const Scenario& scenario, const RunLog& log, Score& score) {
+  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
+  for (std::size_t i = 0; i < log.clients.size(); ++i) {
+    const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
+    score.histograms[name("request_period_ms")] =
+        RequestPeriodHistogram(PeriodTimes(scenario, log.clients[i]), period_ns);
+    score.histograms[name("reply_latency_ms")] =
+        ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
+  }
+}
+
 }  // namespace
 
 bool StatesComputing(const Score& score) {
@@ -511,23 +522,22 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
     score.faults.push_back(
         {scenario.faults[i].id, scenario.faults[i].type, i < counts.size() ? counts[i] : 0});
   }
+  const auto is_judged = [&](const CriterionSpec& spec) {
+    return !options.only || spec.name == *options.only;
+  };
   Metrics metrics;
   try {
-    metrics = ComputeMetrics(scenario, log);
+    if (!options.only || std::ranges::any_of(scenario.criteria, [&](const CriterionSpec& spec) {
+          return is_judged(spec) && !spec.metric.empty();
+        }))
+      metrics = ComputeMetrics(scenario, log);
   } catch (const std::invalid_argument& e) {
     score.criteria.push_back({"metrics", Verdict::kError, std::nullopt, std::nullopt, e.what()});
   }
   score.metrics = metrics.values;
   for (const CriterionSpec& spec : scenario.criteria)
-    score.criteria.push_back(JudgeCriterion(spec, scenario, metrics, log, options));
-  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
-  for (std::size_t i = 0; i < log.clients.size(); ++i) {
-    const auto name = [&](std::string_view histogram) { return ClientName(scenario, "", i, '.', histogram); };
-    score.histograms[name("request_period_ms")] =
-        RequestPeriodHistogram(PeriodTimes(scenario, log.clients[i]), period_ns);
-    score.histograms[name("reply_latency_ms")] =
-        ReplyLatencyHistogram(log.clients[i].reply_latency_ns, period_ns);
-  }
+    if (is_judged(spec)) score.criteria.push_back(JudgeCriterion(spec, scenario, metrics, log, options));
+  if (!options.only) AddHistograms(scenario, log, score);
   Conclude(score, scenario.expected());
   DoubtForLateness(score, scenario, log);
   return score;

@@ -77,6 +77,9 @@ std::string NeverActivated(const FaultResult& fault, const Score& score);
 
 struct ScoreOptions {
   bool over_time = false;  // the robustness of each formula over time, too
+  // The only one of the scenario's criteria that is judged. Metrics and histograms that it does not need are left
+  // out. None: all of them are judged.
+  std::optional<std::string> only = {};
 };
 
 // Never throws: a log that cannot be scored (a trace without its columns) is Verdict::kError with the reason.

@@ -83,12 +83,13 @@ std::vector<FlightResult> FlyAll(const std::vector<FlightJob>& jobs) {
 
 // The reports of forked futures, by moment and number.
 std::map<std::pair<std::uint32_t, std::uint32_t>, FutureReport> Forked(FlightJob job, FutureForks forks,
-                                                                       std::string* whole_hash = nullptr) {
+                                                                       std::string* whole_hash = nullptr,
+                                                                       bool hashes = true) {
   std::array<int, 2> ends{};
   EXPECT_EQ(pipe2(ends.data(), O_CLOEXEC), 0);
   forks.channel = ends[1];
-  if (!forks.fails)
-    forks.fails = [](const FlightResult& result) { return result.score.verdict == Verdict::kFail; };
+  if (!forks.fails) forks.fails = [](const Score& score) { return score.verdict == Verdict::kFail; };
+  forks.hashes = hashes;
   job.forks = std::move(forks);
   const FlightResult whole = FlyAll({job}).front();
   close(ends[1]);
@@ -159,6 +160,35 @@ TEST(ForkedFutures, ACutIsTheEndOfAWindow) {
     const auto results = FlyAll({job, shorter, future});
     EXPECT_EQ(results[1].trace_hash, results[2].trace_hash) << job.scenario.faults[0].type;
     EXPECT_NE(results[0].trace_hash, results[2].trace_hash) << job.scenario.faults[0].type;
+  }
+}
+
+// A judge of one criterion leaves out what it does not need.
+TEST(ForkedFutures, FailByOneCriterionAsByAll) {
+  FlightJob job = Job({Fault("loss", "frame.drop", 1, {{"probability", 1.0}})}, Near(0.4), 3);
+  job.scenario.firmware = "tolerant";
+  job.scenario.criteria.push_back(
+      {.name = "normal", .stl = "always(supervisor_state < 2)", .metric = {}, .min = {}, .max = {}});
+  job.scenario.criteria.push_back(
+      {.name = "heard", .stl = {}, .metric = "timing.firmware_missed_count", .min = {}, .max = 40});
+  const std::vector<TimeNs> moments = {1005 * kNsPerMs, 1100 * kNsPerMs, 2 * kNsPerS};
+  for (const std::string name : {"near", "normal", "heard", "survival", "control_period", "clean_line"}) {
+    FutureForks forks{.moments = moments, .futures_count = 1, .make = [&](std::size_t moment, std::uint32_t) {
+                        return Future{.from_ns = moments[moment], .cut = {0}, .draw = 1};
+                      }};
+    forks.fails = [&](const Score& score) {
+      return std::ranges::any_of(score.criteria, [&](const CriterionResult& criterion) {
+        return criterion.name == name && criterion.verdict == Verdict::kFail;
+      });
+    };
+    const auto by_all = Forked(job, forks);
+    forks.criterion = name;
+    const auto by_one = Forked(job, forks, nullptr, false);
+    ASSERT_EQ(by_all.size(), moments.size());
+    ASSERT_EQ(by_one.size(), moments.size());
+    for (const auto& [place, report] : by_all) EXPECT_EQ(by_one.at(place).fails, report.fails) << name;
+    EXPECT_FALSE(by_all.at({0, 0}).fails) << name;
+    EXPECT_EQ(by_all.at({2, 0}).fails, name == "normal") << name;
   }
 }
 

@@ -33,6 +33,15 @@ std::vector<std::uint8_t> SomeActuators() {
 }
 std::vector<std::uint8_t> Request() { return FrameOf(link::EncodeReadSensors(link::Dialect::kPaper)); }
 
+void AddHistory(RunLog& log, const link::Protocol& protocol) {
+  ClientHistory history(protocol);
+  std::size_t offset = 0;
+  while (const auto record = log.link.Next(offset))
+    if (!record->delivered && record->wire == WireId{0, Direction::kToPlant})
+      history.Receive(record->begin_ns, record->bytes);
+  history.AddTo(log, 0);
+}
+
 TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   RunLog log;
   const std::vector<std::uint8_t> request = Request(), start = Start();
@@ -46,7 +55,7 @@ TEST(ClientHistory, RequestsAreTakenAsTheClientSentThem) {
   Sends(log, 30, std::span(request).subspan(4));
   const std::vector<std::uint8_t> noise = {0x7E, 1, 2, 3, 0x7E};
   Sends(log, 40, noise);
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].sent_request_times_ns, ElementsAre(10, 30));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
@@ -60,7 +69,7 @@ TEST(ClientHistory, AStartAfterTheFirstActuatorsIsARestart) {
   log.clients[0].actuator_times_ns = {100, 200};
   Sends(log, 150, start);
   Sends(log, 160, start, Direction::kToPlant, true);  // a copy that a fault has made
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{150, "it sent `start` again"}));
 }
 
@@ -81,7 +90,7 @@ TEST(ClientHistory, EachRestartInSoftwareCountsOnce) {
     Sends(log, boot + 20, Start());  // a retry
     Sends(log, boot + 50, SomeActuators());
   }
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts,
               ElementsAre(Restart{200, "it sent `start` again"}, Restart{500, "it sent `start` again"}));
 }
@@ -93,11 +102,11 @@ TEST(ClientHistory, AResetAndTheStartAfterItAreOneRestart) {
   Sends(log, 260, Start());
   Sends(log, 270, Start());
   Sends(log, 300, SomeActuators());
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{200, "reset by pin"}));
   // And what it does by itself after that is its own.
   Sends(log, 400, Start());
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts,
               ElementsAre(Restart{200, "reset by pin"}, Restart{400, "it sent `start` again"}));
 }
@@ -108,7 +117,7 @@ TEST(ClientHistory, AResetThatIsReportedLateIsTheRestartThatItsStartTold) {
   Sends(log, 300, SomeActuators());
   log.events = {{200 + 50 * kNsPerMs, kResetEvent, "reset by pin"},
                 {900 * kNsPerMs, kResetEvent, "reset by watchdog"}};
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts,
               ElementsAre(Restart{200, "reset by pin"}, Restart{900 * kNsPerMs, "reset by watchdog"}));
 }
@@ -118,7 +127,7 @@ TEST(ClientHistory, InTheAuthorsDialectEveryStartIsAnActuatorMessage) {
   const std::vector<std::uint8_t> start = Start(link::Dialect::kProvant);
   log.clients[0].actuator_times_ns = {100};
   Sends(log, 150, start);
-  AddClientHistory(log, 0, *FindProtocol("provant"));
+  AddHistory(log, *FindProtocol("provant"));
   EXPECT_THAT(log.clients[0].restarts, IsEmpty());
 }
 
@@ -127,10 +136,10 @@ TEST(ClientHistory, ResetsCountFromTheStartOfTheFlight) {
   log.events = {{-5, kResetEvent, "reset by pin"},
                 {10, kResetEvent, "reset by watchdog"},
                 {11, "device_runs", "the processor runs again"}};
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, IsEmpty()) << "it never started";
   log.clients[0].starts_accepted_count = 1;
-  AddClientHistory(log, 0, kPaperProtocol);
+  AddHistory(log, kPaperProtocol);
   EXPECT_THAT(log.clients[0].restarts, ElementsAre(Restart{10, "reset by watchdog"}));
 }
 

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "firmware/messages.h"
 #include "tests/harness/run/by_hand.h"
 #include "tests/harness/run/kept_records.h"
 #include "tests/support/control_period.h"
@@ -90,6 +91,27 @@ TEST(LogBuilder, RecordsOfSeveralClientsBecomeThatClientsLog) {
 }
 
 // Lateness on the firmware's host is the firmware's while it has the processors to itself.
+TEST(LogBuilder, LeavesOutWhatItsReaderDoesNotNeed) {
+  const Scenario scenario;
+  const VehicleSignals signals = Model().signals();
+  const std::size_t columns = TraceLayout(signals, scenario).columns.size();
+  for (const bool whole : {true, false}) {
+    LogBuilder builder(scenario, signals, nullptr, {.bytes = whole, .states = whole});
+    builder.Write({0, 0, record::State{1}});
+    builder.Write({5, 0,
+                   record::Bytes{Direction::kToPlant, ByteSide::kSent,
+                                 FrameOf(link::EncodeReadSensors(link::Dialect::kPaper))}});
+    record::Row row{std::vector<double>(columns, 0.0)};
+    builder.Write({0, {}, row});
+    const RunLog log = builder.Take();
+    EXPECT_EQ(log.trace.Find("supervisor_state").has_value(), whole);
+    std::size_t offset = 0;
+    EXPECT_EQ(log.link.Next(offset).has_value(), whole);
+    EXPECT_EQ(log.clients[0].protocol.has_value(), whole);
+    EXPECT_THAT(log.clients[0].sent_request_times_ns, ElementsAre(5));
+  }
+}
+
 TEST(LogBuilder, LatenessIsOfWhoCausedIt) {
   const Scenario scenario;
   const VehicleSignals signals = Model().signals();

@@ -271,6 +271,22 @@ TEST(Score, AFlightThatMeetsItsCriteriaPasses) {
   EXPECT_EQ(score.metrics.at("tracking.max_error_m"), 0.5);
 }
 
+TEST(Score, OnlyOneCriterionIsJudgedAsAmongOthers) {
+  RunLog log = StillFlight(101);
+  Set(log, 50, "x_m", 0.5);
+  Scenario scenario = ScenarioOf(log);
+  scenario.criteria = {Stl("near", "always(position_error_m <= 0.25)"),
+                       Metric("tracking.max_error_m", 0.1, 0.25)};
+  const Score all = ScoreRun(scenario, log);
+  for (const std::size_t one : {1U, 2U}) {
+    const Score score = ScoreRun(scenario, log, {.only = all.criteria[one].name});
+    ASSERT_EQ(score.criteria.size(), 2u);
+    EXPECT_EQ(score.criteria[1].explanation, all.criteria[one].explanation);
+    EXPECT_EQ(score.criteria[1].verdict, Verdict::kFail);
+    EXPECT_EQ(score.metrics.empty(), one == 1);
+  }
+}
+
 TEST(Score, ABrokenCriterionSaysWhichWhenAndByHowMuch) {
   RunLog log = StillFlight(101);
   Set(log, 50, "x_m", 1.42);
