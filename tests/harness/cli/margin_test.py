@@ -38,9 +38,9 @@ class MarginTest(CommandLineTest):
         self.assertEqual(found, code, err)
         return [json.loads(line) for line in out.splitlines()]
 
-    def short(self, fault, parameters="", window=""):
+    def short(self, fault, parameters="", window="", duration="4"):
         window += f", parameters: {{{parameters}}}" if parameters else ""
-        return self.scenario("short", SHORT, TYPE=fault, WINDOW=window)
+        return self.scenario("short", SHORT.replace("duration_s: 4", f"duration_s: {duration}"), TYPE=fault, WINDOW=window)
 
     def test_the_margin_of_a_drift(self):
         *levels, margin = self.margin(DRIFT, "--fault", "drift", "--tolerance", "0.05", "-j", "2")
@@ -64,19 +64,20 @@ class MarginTest(CommandLineTest):
 
     def test_a_fault_that_never_acts_has_no_margin(self):
         """Its condition never holds: every flight is one without the fault."""
-        scenario = self.short("frame.drop", "probability: 0.5", ", when: z_m > 100, target: to_client")
+        scenario = self.short("frame.drop", "probability: 0.5", ", when: z_m > 100, target: to_client", "1.2")
         code, out, err = self.tiltproof("margin", scenario, "--fault", "probe", "--tolerance", "0.2")
         self.assertEqual(code, 4, err)
         self.assertIn("margin: no margin: fault 'probe': it never acted at any of the", err)
         self.assertNotIn("survives", out)
 
     def test_levels_at_which_the_fault_never_acts_are_named(self):
-        """A rate of 1e-9 changes no bit of a short flight."""
-        scenario = self.short("wire.bit_error", "ber: 0.001", ", target: to_client")
-        flags = (scenario, "--fault", "probe", "--repeats", "1", "--tolerance", "0.2")
+        """A rate of 1e-8 changes no bit of a short flight."""
+        scenario = self.short("wire.bit_error", "ber: 0.00001", ", target: to_client", "1.5")
+        flags = (scenario, "--fault", "probe", "--repeats", "1", "--low", "1e-8", "--high", "2e-4")
         margin = self.margin(*flags)[-1]
-        self.assertLess(max(margin["idle_levels"]), margin["survives"])
-        self.assertLess(min(margin["idle_levels"]), 2e-9)
+        self.assertEqual((margin["survives"], margin["fails"]), (2e-4, None))
+        self.assertLess(max(margin["idle_levels"]), 2e-4)
+        self.assertLess(min(margin["idle_levels"]), 2e-8)
         out = self.tiltproof("margin", *flags)[1]
         self.assertIn(f"  the fault never acted at {len(margin['idle_levels'])} of these levels, the last of which is ", out)
 
@@ -170,7 +171,7 @@ class EnvelopeTest(CommandLineTest):
 
     def test_a_fault_that_never_acts_is_shown(self):
         """No frame begins within a millisecond. A later --resume does not fly the row again."""
-        base = self.scenario("base", SHORT, TYPE="harness.null", WINDOW=", end_s: 1.001")
+        base = self.scenario("base", SHORT.replace("duration_s: 4", "duration_s: 1.2"), TYPE="harness.null", WINDOW=", end_s: 1.001")
         flags = ("--types", "frame.drop", "--repeats", "1", "--tolerance", "0.2")
         code, out, err = self.tiltproof("envelope", base, *flags, "--out", "out")
         self.assertEqual(code, 0, err)
