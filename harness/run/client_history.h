@@ -1,8 +1,8 @@
 // Finds when the client rebooted and when it asked for sensors, from what it sends and from the events of its device.
 //
 //   ClientHistory history(*scenario.link.protocol);
-//   history.Receive(begin_ns, bytes);   // all that the client sends, in its order
-//   history.AddTo(log, 0);              // once log is whole and in order of time
+//   history.Receive(time_ns, bytes);   // all that the client sends, in its order
+//   history.AddTo(log, 0);             // once log is whole and in order of time
 #pragma once
 
 #include <cstddef>
