@@ -88,7 +88,9 @@ class CommandRole final : public Role {
     if (process_) process_->ReadAll();
     Flush();
     if (use_)
-      services_.log().Write({0, place_, record::FirmwareTime{use_->Take(), services_.lateness().origin}});
+      services_.log().Write(
+          {0, place_,
+           record::FirmwareTime{use_->Take(), services_.lateness().OriginOr(services_.clock().Now())}});
     use_.reset();
     watch_.reset();
     process_.reset();

@@ -86,6 +86,7 @@ class LibraryRole final : public Role {
   }
 
   void Stop() override {
+    NoteOverdue();
     timer_.cancel();
     stopped_ = true;
     ports_ = {};
@@ -161,6 +162,7 @@ class LibraryRole final : public Role {
   // Lets the firmware run, and comes back when it wants to be woken.
   void Run(const std::function<BootTime()>& call) {
     if (stopped_) return;
+    NoteOverdue();
     try {
       BootTime wake = call();
       NoteState();
@@ -168,17 +170,21 @@ class LibraryRole final : public Role {
       if (wake > kNeverInFlight) return;
       // A firmware that always wants to be woken now must not keep this thread, which has real-time priority.
       wake = std::max(wake, Now() + kWakePauseMin);
+      wake_ns_ = wake;
       timer_.expires_at(services_.clock().ToSteady(OfNode(wake)));
-      timer_.async_wait([this, wake, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
-        if (error || alive.expired() || stopped_) return;
-        const BootTime now = Now();
-        // This machine's lateness, not the firmware's.
-        services_.lateness().Note(OfNode(wake), OfNode(now));
-        Run([&] { return client_->Grant(now, BootTime::Never()); });
+      timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
+        if (!error && !alive.expired()) Run([&] { return client_->Grant(Now(), BootTime::Never()); });
       });
     } catch (const FirmwareTrouble& trouble) {
       Tell(trouble);
     }
+  }
+
+  // This machine's lateness, not the firmware's. Bytes, or the end of the flight, may come before a timer that is
+  // overdue.
+  void NoteOverdue() {
+    const BootTime due = std::exchange(wake_ns_, BootTime::Never());
+    if (due != BootTime::Never()) services_.lateness().Note(OfNode(due), OfNode(Now()));
   }
 
   void NoteState() {
@@ -199,6 +205,7 @@ class LibraryRole final : public Role {
   std::unique_ptr<Client> client_;
   std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
   boost::asio::steady_timer timer_;
+  BootTime wake_ns_ = BootTime::Never();  // which it waits for, by the client's clock
   BootTime power_on_ns_ = BootTime::Never();
   BootTime now_ns_;  // the latest told
   BootTime transmitter_free_ns_;

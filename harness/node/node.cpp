@@ -101,8 +101,8 @@ class Node final : public NodeServices {
   std::optional<LoadedScenario> loaded_;
   dds::RunState state_;  // as it was told last
   std::unique_ptr<LogPublisher> log_;
-  std::unique_ptr<Role> role_;
   Lateness lateness_;
+  std::unique_ptr<Role> role_;  // notes lateness to its end
   std::int64_t last_command_ = 0;
   std::int64_t last_fault_ = 0;
   // Set by the harness's commands: idle, prepared, armed, running (until the command to stop), finished.
@@ -344,7 +344,8 @@ void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
                                    options_.kind == dds::NodeKind::kLink ||
                                    options_.kind == dds::NodeKind::kClient;
       lateness_.WriteTo(*log_,
-                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
+                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness,
+                        clock_.Now());
       log_->Close();
       return;
     }

@@ -110,6 +110,10 @@ int RunNode(const NodeOptions& options, const MakeRole& make_role);
 class PeriodicTimer {
  public:
   PeriodicTimer(NodeServices& services, BootTime first, TimeNs period, std::function<void(BootTime)> due);
+  // An overdue call is lateness, too.
+  ~PeriodicTimer() { services_.lateness().Note(next_ns_, services_.clock().Now()); }
+  PeriodicTimer(const PeriodicTimer&) = delete;
+  PeriodicTimer& operator=(const PeriodicTimer&) = delete;
 
  private:
   void Arm();

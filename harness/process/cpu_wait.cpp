@@ -11,50 +11,80 @@
 #include <system_error>
 #include <utility>
 
+#include "harness/process/descendants_time.h"
+
 namespace tiltproof::harness {
+namespace {
+
+std::string ReadAll(int descriptor) {
+  std::array<char, 512> text;
+  const ssize_t size = pread(descriptor, text.data(), text.size(), 0);
+  return {text.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0))};
+}
+
+}  // namespace
+
 // Three numbers: nanoseconds run, nanoseconds spent waiting to run, how often it has run
 // (Documentation/scheduler/sched-stats.rst of Linux).
 CpuWait::Waits CpuWait::Read(int descriptor) {
-  std::array<char, 128> text;
-  const ssize_t size = pread(descriptor, text.data(), text.size() - 1, 0);
+  const std::string text = ReadAll(descriptor);
   Waits waits;
-  if (size <= 0) return waits;
-  text[static_cast<std::size_t>(size)] = '\0';
-  char* rest = text.data();
-  std::strtoll(rest, &rest, 10);
+  char* rest = nullptr;
+  waits.run_ns = std::strtoll(text.c_str(), &rest, 10);
   waits.total_ns = std::strtoll(rest, &rest, 10);
   waits.count = std::strtoll(rest, &rest, 10);
   return waits;
 }
 
+// The state follows the name, which is in parentheses and may hold anything (proc(5)).
+bool CpuWait::IsReady(int descriptor) {
+  const std::string text = ReadAll(descriptor);
+  const std::size_t name_end = text.rfind(')');
+  return name_end != text.npos && name_end + 2 < text.size() && text[name_end + 2] == 'R';
+}
+
 CpuWait::CpuWait(pid_t pid) : pid_(pid) { Look(); }
 
 void CpuWait::Look() {
+  LookAt(pid_);
+  for (const pid_t child : DescendantsOf(pid_)) LookAt(child);
+}
+
+void CpuWait::LookAt(pid_t pid) {
   std::error_code error;
-  const std::filesystem::path tasks = std::filesystem::path("/proc") / std::to_string(pid_) / "task";
+  const std::filesystem::path tasks = std::filesystem::path("/proc") / std::to_string(pid) / "task";
   for (std::filesystem::directory_iterator task(tasks, error);
-       !error && task != std::filesystem::directory_iterator(); task.increment(error)) {
+       !error && task != std::filesystem::directory_iterator() && threads_.size() < kThreadsMax;
+       task.increment(error)) {
     const std::string id = task->path().filename();
     if (threads_.contains(id)) continue;
-    link::OwnedDescriptor file(open((task->path() / "schedstat").c_str(), O_RDONLY | O_CLOEXEC));
-    if (file.get() < 0) continue;
-    const Waits seen = Read(file.get());
-    threads_.emplace(id, Thread{std::move(file), seen});
+    link::OwnedDescriptor schedstat(open((task->path() / "schedstat").c_str(), O_RDONLY | O_CLOEXEC));
+    link::OwnedDescriptor stat(open((task->path() / "stat").c_str(), O_RDONLY | O_CLOEXEC));
+    if (schedstat.get() < 0 || stat.get() < 0) continue;
+    const Waits seen = Read(schedstat.get());
+    threads_.emplace(id, Thread{std::move(schedstat), std::move(stat), seen});
   }
 }
 
-TimeNs CpuWait::Take() {
+TimeNs CpuWait::Take(TimeNs since_last_ns) {
   TimeNs total_ns = 0;
   for (auto it = threads_.begin(); it != threads_.end();) {
     Thread& thread = it->second;
-    const Waits now = Read(thread.file.get());
+    const Waits now = Read(thread.schedstat.get());
     const Waits before = std::exchange(thread.seen, now);
     if (now.count < before.count) {  // it has ended
       it = threads_.erase(it);
       continue;
     }
-    total_ns += std::max<TimeNs>(now.total_ns - before.total_ns - kOwnWaitNs * (now.count - before.count), 0);
     ++it;
+    if (now == before && IsReady(thread.stat.get())) {
+      thread.counted_ns += since_last_ns;
+      total_ns += since_last_ns;
+      continue;
+    }
+    const TimeNs counted_ns = std::exchange(thread.counted_ns, 0);
+    total_ns += std::max<TimeNs>(
+        now.total_ns - before.total_ns - counted_ns - kOwnWaitNs * (now.count - before.count), 0);
   }
   if (++calls_count_ % kCallsPerLook == 0) Look();
   return total_ns;

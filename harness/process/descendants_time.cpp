@@ -17,9 +17,6 @@
 namespace tiltproof::harness {
 namespace {
 
-// A program that starts more is judged by these.
-constexpr std::size_t kProcessesMax = 1000;
-
 // Processor time of the children that this process has waited for.
 TimeNs WaitedByUs() {
   rusage waited{};
@@ -67,19 +64,26 @@ std::vector<pid_t> ChildrenOf(pid_t pid) {
 
 }  // namespace
 
+std::vector<pid_t> DescendantsOf(pid_t pid) {
+  std::vector<pid_t> family = ChildrenOf(pid);
+  for (std::size_t i = 0; i < family.size() && i < kDescendantsMax; ++i) {
+    const std::vector<pid_t> children = ChildrenOf(family[i]);
+    family.insert(family.end(), children.begin(), children.end());
+  }
+  family.resize(std::min(family.size(), kDescendantsMax));
+  return family;
+}
+
 DescendantsTime LookAtDescendants() {
   DescendantsTime all;
   all.run_min_ns = WaitedByUs();
-  std::vector<pid_t> family = ChildrenOf(getpid());
+  // A program that starts more is judged by these.
+  const std::vector<pid_t> family = DescendantsOf(getpid());
   TimeNs run_ns = 0;
-  for (std::size_t i = 0; i < family.size() && i < kProcessesMax; ++i) {
-    const pid_t pid = family[i];
+  for (const pid_t pid : family) {
     all.run_min_ns += WaitedTime(pid);
     run_ns += RunTime(pid);
-    const std::vector<pid_t> children = ChildrenOf(pid);
-    family.insert(family.end(), children.begin(), children.end());
   }
-  family.resize(std::min(family.size(), kProcessesMax));
   all.processes_count = static_cast<std::int64_t>(family.size());
   all.run_min_ns += run_ns;
   all.run_max_ns = run_ns;

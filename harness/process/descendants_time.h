@@ -6,7 +6,10 @@
 //   const TimeNs used_at_least_ns = LookAtDescendants().run_min_ns - before.run_max_ns;
 #pragma once
 
+#include <sys/types.h>
+
 #include <cstdint>
+#include <vector>
 
 #include "link/time.h"
 
@@ -20,5 +23,10 @@ struct DescendantsTime {
 };
 
 DescendantsTime LookAtDescendants();
+
+// The first kDescendantsMax processes that descend from `pid`, elder generations first. A process whose parent has ended
+// descends from the one that adopted it.
+std::vector<pid_t> DescendantsOf(pid_t pid);
+inline constexpr std::size_t kDescendantsMax = 1000;
 
 }  // namespace tiltproof::harness

@@ -128,7 +128,7 @@ class Conductor final : private SteeredFlight {
   Origin origin() const { return server_.state().origin; }
   // When the flight ends, as far as it is known.
   BootTime EndTime() const {
-    return started() ? origin().ToBootTime(end_ns_) : BootTime(StartWait(scenario_));
+    return started() ? origin().ToBootTime(end_ns_) : BootTime(scenario_.start_wait_ns());
   }
 
   const Scenario& scenario_;
@@ -600,16 +600,12 @@ ClientSettings SettingsOf(const Scenario& scenario, std::size_t client) {
           .place = client};
 }
 
-TimeNs StartWait(const Scenario& scenario) {
-  return std::max(scenario.start_within_ns, scenario.duration_ns);
-}
-
 std::string NeverStartedText(const Scenario& scenario) {
   const auto& messages = scenario.link.protocol->messages;
   const auto start = std::find_if(messages.begin(), messages.end(),
                                   [](const link::MessageType& type) { return type.starts; });
   return "the server accepted no `" + (start == messages.end() ? "start" : start->name) +
-         "` message within " + std::to_string(ToSeconds(StartWait(scenario))) + " s of power-on";
+         "` message within " + std::to_string(ToSeconds(scenario.start_wait_ns())) + " s of power-on";
 }
 
 RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServer& server, LogBuilder& log,

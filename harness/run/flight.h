@@ -73,9 +73,6 @@ RunLog Conduct(const Scenario& scenario, std::span<Line* const> lines, PlantServ
 // The scenario's requirements for a client.
 ClientSettings SettingsOf(const Scenario& scenario, std::size_t client = 0);
 
-// From power-on, the time that a client has to start; it may boot for longer than a short flight lasts.
-TimeNs StartWait(const Scenario& scenario);
-
 // The message to the user when the flight never began.
 std::string NeverStartedText(const Scenario& scenario);
 

@@ -230,7 +230,7 @@ struct RunLog {
   // much at most.
   std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
   // The spans of this lateness, in order; they may overlap. What the firmware missed in them is not its
-  // fault.
+  // fault. In a flight that never started, their times are negative: they count to its end.
   std::vector<LateSpan> harness_late;
   // Real time only: lateness that the firmware's own processes caused, in order. It excuses nothing.
   std::vector<LateSpan> firmware_late;

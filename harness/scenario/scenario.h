@@ -99,6 +99,8 @@ struct LineEntry {
   friend bool operator==(const LineEntry&, const LineEntry&) = default;
 };
 inline constexpr std::size_t kLinesMax = 64;
+// Lets the fault act on this line in place of the clients' own: towards the client at that end of `between`, or both ways.
+void PutOnLine(const LineEntry& line, std::optional<std::size_t> end, faults::FaultSpec& fault);
 inline constexpr std::string_view kBytesAsTheyAre = "bytes";  // the protocol of a line without
 
 // One end of such a line.
@@ -187,6 +189,8 @@ struct Scenario {
   TimeNs delay_margin_ns = 9 * kNsPerMs;
   // In real time, whatever is later than this is the machine's fault.
   TimeNs late_after_ns() const { return delay_margin_ns / 3; }
+  // From power-on, the time that a client has to start; it may boot for longer than a short flight lasts.
+  TimeNs start_wait_ns() const { return std::max(start_within_ns, duration_ns); }
   AngularRates angular_rates = AngularRates::kWorld;  // of the sensors sent; the trace's are world rates
   bool allow_invalid_inertia = false;
   std::array<double, 3> initial_position_m{};  // default: the reference's start

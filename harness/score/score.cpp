@@ -397,11 +397,26 @@ std::string TooLate(std::int64_t overruns, TimeNs late_ns, TimeNs end_ns, TimeNs
          Number(static_cast<double>(late_ns) / 1e6) + " ms)";
 }
 
+// The same before a start that never came: a firmware could start in the rest of the time, if that is most of it.
+std::string TooLateToStart(const Scenario& scenario, const RunLog& log) {
+  const TimeNs wait_ns = scenario.start_wait_ns(), period_ns = scenario.link.protocol->control_period_ns;
+  std::vector<LateSpan> spans = log.harness_late;
+  for (LateSpan& span : spans) span = {span.begin_ns + wait_ns, span.end_ns + wait_ns};
+  const LatePeriods late = CountLatePeriods(spans, wait_ns, period_ns);
+  const std::int64_t periods = std::max<std::int64_t>(wait_ns / period_ns, 1);
+  if (2 * late.count <= periods) return "";
+  return "in " + std::to_string(late.count) + " of the " + std::to_string(periods) +
+         " periods in which it may start";
+}
+
 // Reason that a flight in real time says nothing about the firmware; empty when it does.
-std::string TooLateToJudge(const RunLog& log, TimeNs period_ns) {
+std::string TooLateToJudge(const Scenario& scenario, const RunLog& log) {
   if (WentAway(log.end_reason)) return "";
-  const std::string late = TooLate(log.harness_overrun_count.value_or(0), log.harness_late_max_ns.value_or(0),
-                                   log.end_ns, period_ns);
+  const std::string late =
+      log.end_reason == EndReason::kNeverStarted
+          ? TooLateToStart(scenario, log)
+          : TooLate(log.harness_overrun_count.value_or(0), log.harness_late_max_ns.value_or(0), log.end_ns,
+                    scenario.link.protocol->control_period_ns);
   return late.empty()
              ? ""
              : "the harness itself was late " + late + ": this machine was too busy to judge a firmware";
@@ -457,7 +472,7 @@ CriterionResult JudgeCriterion(const CriterionSpec& spec, const Scenario& scenar
 void DoubtForLateness(Score& score, const Scenario& scenario, const RunLog& log) {
   const TimeNs period_ns = scenario.link.protocol->control_period_ns;
   if (score.verdict == Verdict::kPass || score.verdict == Verdict::kFail) {
-    if (std::string why = TooLateToJudge(log, period_ns); !why.empty()) {
+    if (std::string why = TooLateToJudge(scenario, log); !why.empty()) {
       score.verdict = Verdict::kInconclusive;
       score.cause = VerdictCause::kTooBusy;
       score.reason = std::move(why);

@@ -369,7 +369,7 @@ extern NodeServices& services;
 extern link::SerialPort& port;
 
 // harness/process/cpu_wait.h
-extern TimeNs late_after_ns;
+extern TimeNs late_after_ns, since_last_ns;
 
 // harness/node/reset_listener.h
 extern std::vector<std::uint8_t> pass;
@@ -521,6 +521,9 @@ extern const BootTime now;
 // harness/client/task_delays.h
 extern Origin origin;
 extern BootTime wake_ns;
+
+// harness/run/client_history.h
+extern const TimeNs time_ns;
 
 // harness/run/board_line.h
 extern BootTime now, until;

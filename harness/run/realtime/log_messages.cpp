@@ -27,13 +27,13 @@ std::string Sendable(const std::string& text) {
 
 }  // namespace
 
-void Lateness::WriteTo(RecordSink& sink, record::LateKind kind) const {
-  if (!origin.known()) return;
+void Lateness::WriteTo(RecordSink& sink, record::LateKind kind, BootTime now) const {
+  const Origin zero = OriginOr(now);
   const auto write = [&](const std::vector<NodeLateSpan>& of, record::LateKind as) {
     for (const NodeLateSpan& span : of)
-      if (span.end_ns > origin.boot_time())
+      if (!origin.known() || span.end_ns > origin.boot_time())
         sink.Write(
-            {origin.SimulationTime(span.begin_ns), {}, record::Late{origin.SimulationTime(span.end_ns), as}});
+            {zero.SimulationTime(span.begin_ns), {}, record::Late{zero.SimulationTime(span.end_ns), as}});
   };
   write(spans, kind);
   write(disturbed, record::LateKind::kBoard);
@@ -143,6 +143,9 @@ RunLog LogCollector::Take() {
 }
 
 void CountLateness(RunLog& log, TimeNs period_ns) {
+  if (log.end_reason != EndReason::kNeverStarted)
+    for (std::vector<LateSpan>* spans : {&log.harness_late, &log.firmware_late, &log.board_disturbed})
+      std::erase_if(*spans, [](const LateSpan& span) { return span.end_ns <= 0; });
   const LatePeriods late = CountLatePeriods(log.harness_late, log.end_ns, period_ns);
   log.harness_overrun_count = late.count;
   log.harness_late_max_ns = late.longest_ns;

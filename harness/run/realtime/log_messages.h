@@ -44,8 +44,10 @@ struct Lateness {
   // The board's clock may have lost time then (RunLog::board_disturbed).
   void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 
-  // Writes the spans that end after t = 0. `kind`: of this node.
-  void WriteTo(RecordSink& sink, record::LateKind kind) const;
+  // Writes the spans that end after t = 0; where that is not known, all, with negative times that count to `now`. `kind`: of
+  // this node.
+  void WriteTo(RecordSink& sink, record::LateKind kind, BootTime now) const;
+  Origin OriginOr(BootTime now) const { return origin.known() ? origin : Origin(now); }
 
   TimeNs late_after_ns = kNever;  // Scenario::late_after_ns(), once a flight is prepared
   std::vector<NodeLateSpan> spans = {}, disturbed = {};
@@ -134,7 +136,8 @@ class LogCollector {
   std::string overfull_;
 };
 
-// Sets the counts of lateness from log.harness_late, up to log.end_ns.
+// Drops lateness before t = 0, but of a flight that never started, and sets the counts from log.harness_late, up to
+// log.end_ns.
 void CountLateness(RunLog& log, TimeNs period_ns);
 
 }  // namespace tiltproof::harness

@@ -407,7 +407,7 @@ void RealtimeConductor::WatchMembers() {
 }
 
 void RealtimeConductor::FlyToTheEnd() {
-  const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(StartWait(scenario_));
+  const std::chrono::nanoseconds duration(scenario_.end_ns()), start_wait(scenario_.start_wait_ns());
   while (!ending_.ended()) {
     Poll();
     Inject();

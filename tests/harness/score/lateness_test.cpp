@@ -116,7 +116,22 @@ TEST(Lateness, ExcusesNoErrorAndNoFirmwareThatWentAway) {
   EXPECT_EQ(verdict(EndReason::kFirmwareHung), Verdict::kFail);
   EXPECT_EQ(verdict(EndReason::kNodeLost), Verdict::kError);
   EXPECT_EQ(verdict(EndReason::kHarnessError), Verdict::kError);
-  EXPECT_EQ(verdict(EndReason::kNeverStarted), Verdict::kInconclusive);
+}
+
+TEST(Lateness, ExcusesAFirmwareThatNeverStartedOnlyWhenItTookMostOfItsTime) {
+  RunLog log = LateFlight(0, 0, 0);
+  log.end_reason = EndReason::kNeverStarted;
+  log.end_ns = 0;
+  // Times count to the end; a client has 10 s.
+  log.harness_late = {{-10 * kNsPerS, -5100 * kNsPerMs}};
+  EXPECT_EQ(ScoreOf(log).verdict, Verdict::kFail);
+  log.harness_late = {{-10 * kNsPerS, -8 * kNsPerS}, {-9 * kNsPerS, -4900 * kNsPerMs}};
+  const Score score = ScoreOf(log);
+  EXPECT_EQ(score.verdict, Verdict::kInconclusive);
+  EXPECT_EQ(score.reason,
+            "the harness itself was late in 426 of the 833 periods in which it may start: this machine was "
+            "too busy "
+            "to judge a firmware");
 }
 
 // A period without actuators counts unless the harness was late in it or in the one before.

@@ -114,10 +114,42 @@ class ClientTest(unittest.TestCase):
         self.assertIsNotNone(flight.wait_fly_for(1.0), flight.text())
         os.kill(firmware, signal.SIGSTOP)
         # The vehicle is lost without it.
+        self.assert_too_busy(flight)
+
+    def take_processor(self):
+        """The last one, from all that have no real-time priority."""
+        [*_, processor] = sorted(os.sched_getaffinity(0))
+        hog = subprocess.Popen([sys.executable, "-c", "while True: pass"], preexec_fn=lambda: os.sched_setaffinity(0, [processor]))
+        self.addCleanup(hog.wait)
+        self.addCleanup(hog.kill)
+        try:
+            os.sched_setscheduler(hog.pid, os.SCHED_FIFO, os.sched_param(1))
+        except PermissionError:
+            self.skipTest("a user without the right to real-time scheduling cannot keep others from a processor")
+        return processor
+
+    def assert_too_busy(self, flight):
         self.assertEqual(flight.wait(30), 4, flight.text())
         self.assertEqual(flight.result()["verdict"], "inconclusive")
         self.assertIn("too busy to judge", flight.text())
         self.check(flight)
+
+    def test_process_that_others_keep_from_its_processor_has_not_failed(self):
+        flight = self.start(f"process:exec {FIRMWARE} {LIBRARY}", duration_s=6)
+        flight.wait_flying()
+        [firmware] = wait_until(lambda: [pid for pid, command in flight.processes().items() if command[0] == str(FIRMWARE)], 10, "no firmware")
+        os.sched_setaffinity(firmware, [max(os.sched_getaffinity(0))])
+        os.sched_setscheduler(firmware, os.SCHED_OTHER, os.sched_param(0))
+        self.assertIsNotNone(flight.wait_fly_for(1.0), flight.text())
+        # The vehicle may be lost before the program runs again: then its wait is not over when the flight ends.
+        self.take_processor()
+        self.assert_too_busy(flight)
+
+    def test_process_that_others_keep_from_its_start_has_not_failed(self):
+        processor = self.take_processor()
+        # It would need a second of processor time, and gets a twentieth of it.
+        wait = "import time; end = time.process_time() + 1\nwhile time.process_time() < end: pass"
+        self.assert_too_busy(self.start(f"process:taskset -c {processor} {sys.executable} -c '{wait}'; exec {FIRMWARE} {LIBRARY}", duration_s=2))
 
     def test_process_with_grandchildren(self):
         flight = self.fly(f"process:sleep 1000 & {FIRMWARE} {LIBRARY} --grandchild", 0, duration_s=2)
