@@ -153,6 +153,8 @@ struct FaultType {
   // A command is given once, at one time: it has no target and no trigger.
   bool is_command() const { return IsOneOf<NodeKind, DeviceKind, ClockKind>(); }
   bool has_target() const { return IsOneOf<WireKind, ReceiverKind>(); }
+  // Acts on one client's line, samples, board or nodes, not on the vehicle.
+  bool is_of_client() const { return has_target() || IsOneOf<SensorKind, DeviceKind, ClockKind, NodeKind>(); }
   // The target of a fault that states none.
   std::optional<Target> default_target() const;
   // The measure of its severity: this parameter; null: the length of the window, if it has_severity().

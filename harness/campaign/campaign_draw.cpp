@@ -159,8 +159,8 @@ class Drawer {
     if (info.kind == ParameterKind::kChoice && !type.IsOneOf<faults::ClockKind, faults::NodeKind>()) {
       value = std::string(info.choices[random_.Below(info.choices.size())]);
     } else if (info.kind == ParameterKind::kField) {
-      const std::vector<std::string> names =
-          faults::FieldNames(*scenario_.link.protocol, faults::ResolvedTarget(fault, type), fault.message);
+      const std::vector<std::string> names = faults::FieldNames(
+          scenario_.protocol_of(fault), faults::ResolvedTarget(fault, type), fault.message);
       if (!names.empty()) value = names[random_.Below(names.size())];
     } else if (info.kind == ParameterKind::kVector) {
       std::array<double, 3> direction{};
@@ -184,13 +184,13 @@ class Drawer {
         std::all_of(scenario_.faults.begin(), scenario_.faults.end() - 1,
                     [&](const FaultSpec& other) { return other.id != fault.id && !Drift(other, fault); });
     return alone && faults::Validate(fault).empty() &&
-           !faults::ProtocolProblem(fault, *scenario_.link.protocol) &&
+           !faults::ProtocolProblem(fault, scenario_.protocol_of(fault)) &&
            !faults::CertainOverfull(scenario_.faults, scenario_.duration_ns, *scenario_.link.protocol);
   }
 
-  // Two drifts may not overlap.
+  // Two drifts of one clock may not overlap.
   static bool Drift(const FaultSpec& a, const FaultSpec& b) {
-    return a.type == "clock.drift" && b.type == "clock.drift";
+    return a.type == "clock.drift" && b.type == "clock.drift" && a.client == b.client;
   }
 
   void Note(const FaultType& type, const DrawPlace& place, const FaultSpec& fault) {
@@ -266,6 +266,15 @@ Scenario WithRecovery(const Scenario& scenario, double recover_s) {
   return recovered;
 }
 
+namespace {
+
+std::string NameOfPlace(const EnvelopeRow& row, const FaultSpec& fault) {
+  if (!row.line.empty()) return faults::TargetText(fault);
+  return row.client + (row.client.empty() || row.place.empty() ? "" : ":") + row.place;
+}
+
+}  // namespace
+
 std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenario,
                                    const VehicleSignals& signals, std::span<const EnvelopeRow> rows) {
   FaultSpec placeholder;
@@ -279,7 +288,8 @@ std::vector<DrawType> PrepareTypes(const DrawSpec& spec, const Scenario& scenari
   for (const EnvelopeRow& row : rows) {
     if (!IsDrawn(spec, *row.type)) continue;
     const Scenario with_fault = WithRow(with_placeholder, row, signals);
-    DrawPlace place{.name = row.place, .fault = with_fault.faults.front(), .severity = {}};
+    const FaultSpec& fault = with_fault.faults.front();
+    DrawPlace place{.name = NameOfPlace(row, fault), .fault = fault, .severity = {}};
     if (row.type->severity_parameter() != nullptr) place.severity = SeverityOf(with_fault, 0, signals);
     if (types.empty() || types.back().type != row.type) types.push_back({row.type, {}});
     types.back().places.push_back(std::move(place));

@@ -31,7 +31,8 @@ namespace tiltproof::harness {
 
 // A fault type at one place.
 struct DrawPlace {
-  std::string name;                  // "to_client", "z_m"; empty: the type has one place only
+  // "to_client", "z_m", "a:to_client", "cross"; empty: the type has one place only.
+  std::string name;
   faults::FaultSpec fault;           // there, with the parameters of the type's example
   std::optional<Severity> severity;  // none: the length of the window measures it, or nothing does
 };

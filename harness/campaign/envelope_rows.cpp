@@ -82,14 +82,17 @@ void SetParameters(const EnvelopeRow& row, const VehicleSignals& signals, FaultS
   }
 }
 
-FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const FaultSpec& placeholder) {
-  FaultSpec fault = placeholder;
+FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const Scenario& base) {
+  FaultSpec fault = base.faults[*FindPlaceholder(base)];
   fault.type = row.type->name;
   fault.parameters.clear();
   fault.target = faults::Target::kNone;
   if (row.place_key == "target")
     for (const faults::Target target : faults::AcceptedTargets(*row.type))
       if (Name(target) == row.place) fault.target = target;
+  fault.client = row.client;
+  for (const LineEntry& line : base.lines)
+    if (line.id == row.line) PutOnLine(line, row.line_end, fault);
   if (row.type->start == faults::Bound::kRefused) fault.start_ns = kPowerOn;
   if (row.type->end == faults::Bound::kRefused) fault.end_ns = kNever;
   SetParameters(row, signals, fault);
@@ -146,8 +149,25 @@ std::vector<EnvelopeRow> EnvelopeRows(const FaultType& type, const VehicleSignal
   return RowsOf(type, signals, false);
 }
 
-std::vector<EnvelopeRow> RowsAtEveryPlace(const FaultType& type, const VehicleSignals& signals) {
-  return RowsOf(type, signals, true);
+std::vector<EnvelopeRow> RowsAtEveryPlace(const FaultType& type, const Scenario& scenario,
+                                          const VehicleSignals& signals) {
+  const std::vector<EnvelopeRow> of_vehicle = RowsOf(type, signals, true);
+  if (!scenario.has_several_clients() || !type.is_of_client()) return of_vehicle;
+  std::vector<EnvelopeRow> rows;
+  for (const ClientEntry& client : scenario.clients) {
+    for (const EnvelopeRow& row : of_vehicle) {
+      rows.push_back(row);
+      rows.back().client = client.id;
+    }
+  }
+  if (!type.has_target()) return rows;
+  for (const LineEntry& line : scenario.lines) {
+    if (faults::LineProblem(type, line.protocol != nullptr)) continue;
+    rows.push_back({.type = &type, .line = line.id});
+    for (std::size_t end = 0; end < line.between.size(); ++end)
+      rows.push_back({.type = &type, .line = line.id, .line_end = end});
+  }
+  return rows;
 }
 
 std::optional<std::size_t> FindPlaceholder(const Scenario& base) {
@@ -158,8 +178,7 @@ std::optional<std::size_t> FindPlaceholder(const Scenario& base) {
 
 Scenario WithRow(const Scenario& base, const EnvelopeRow& row, const VehicleSignals& signals) {
   Scenario scenario = base;
-  const std::size_t fault = *FindPlaceholder(base);
-  scenario.faults[fault] = FaultOf(row, signals, base.faults[fault]);
+  scenario.faults[*FindPlaceholder(base)] = FaultOf(row, signals, base);
   // A message about the fault is not about the place of the placeholder.
   scenario.fault_places.clear();
   return scenario;
@@ -168,7 +187,7 @@ Scenario WithRow(const Scenario& base, const EnvelopeRow& row, const VehicleSign
 Scenario WithSecondRow(const Scenario& base, const EnvelopeRow& first, const EnvelopeRow& second,
                        const VehicleSignals& signals) {
   Scenario scenario = WithRow(base, first, signals);
-  FaultSpec fault = FaultOf(second, signals, base.faults[*FindPlaceholder(base)]);
+  FaultSpec fault = FaultOf(second, signals, base);
   const auto taken = [&](const FaultSpec& other) { return other.id == fault.id; };
   while (std::any_of(scenario.faults.begin(), scenario.faults.end(), taken)) fault.id += "-second";
   scenario.faults.push_back(std::move(fault));

@@ -19,13 +19,19 @@ namespace tiltproof::harness {
 
 struct EnvelopeRow {
   const faults::FaultType* type = nullptr;
-  std::string place_key;  // "target", "signal", "actuator", "rotor"; empty: the type has one place only
-  std::string place;      // "to_plant", "z_m", "f_r"
+  std::string place_key = {};  // "target", "signal", "actuator", "rotor"; empty: the type has one place only
+  std::string place = {};      // "to_plant", "z_m", "f_r"
   // "positive" or "negative": on which side of its harmless value the severity is, where both are harmful; else empty.
   std::string side = {};
+  // The one of several clients on which the fault acts; empty: every client, or the vehicle.
+  std::string client = {};
+  // The line between clients on which it acts, both ways or towards that end of it.
+  std::string line = {};
+  std::optional<std::size_t> line_end = {};
 
   bool IsAt(const EnvelopeRow& other) const {
-    return type == other.type && place == other.place && side == other.side;
+    return type == other.type && place == other.place && side == other.side && client == other.client &&
+           line == other.line && line_end == other.line_end;
   }
 };
 
@@ -33,8 +39,10 @@ struct EnvelopeRow {
 // fault can act on, or its first sensor; vectors: all. Inputs: the first thrust and the first torque. Axes, joints and
 // rotors: that of the type's example. Each side of a severity that has two.
 std::vector<EnvelopeRow> EnvelopeRows(const faults::FaultType& type, const VehicleSignals& signals);
-// The same with every sensor, input, joint and rotor of the vehicle.
-std::vector<EnvelopeRow> RowsAtEveryPlace(const faults::FaultType& type, const VehicleSignals& signals);
+// The same with every sensor, input, joint and rotor of the vehicle, and of several clients with each of them and each line
+// between them.
+std::vector<EnvelopeRow> RowsAtEveryPlace(const faults::FaultType& type, const Scenario& scenario,
+                                          const VehicleSignals& signals);
 
 // Where each row's fault acts in a base scenario: in place of its fault of this type.
 inline constexpr std::string_view kPlaceholderType = "harness.null";

@@ -469,7 +469,9 @@ std::vector<std::string> ReasonsAgainst(const FlightMeans& means, const SuiteSce
                                         std::span<const EnvelopeRow> rows) {
   const VehicleSignals& signals = base.model->signals();
   const std::size_t place = *FindPlaceholder(base.scenario);
-  const ClientAbilities abilities = AbilitiesOf(means.ClientsOf(base.scenario).front(), means.realtime);
+  std::vector<ClientAbilities> abilities;
+  for (const ClientSpec& client : means.ClientsOf(base.scenario))
+    abilities.push_back(AbilitiesOf(client, means.realtime));
   std::vector<std::string> reasons(rows.size());
   Suite suite;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -478,10 +480,10 @@ std::vector<std::string> ReasonsAgainst(const FlightMeans& means, const SuiteSce
     entry.scenario.name = std::to_string(i);
     entry.named = false;
     const faults::FaultSpec& fault = entry.scenario.faults[place];
-    if (const auto problem = faults::ProtocolProblem(fault, *entry.scenario.link.protocol))
+    if (const auto problem = faults::ProtocolProblem(fault, entry.scenario.protocol_of(fault)))
       reasons[i] = problem->message;
-    else if (auto why = Unsupported(fault, *rows[i].type, abilities))
-      reasons[i] = *std::move(why);
+    else if (const auto unsupported = UnsupportedFaults(entry.scenario, abilities); !unsupported.empty())
+      reasons[i] = unsupported.front().why;
     else if (auto unsuited = faults::Unsuited(fault, *rows[i].type, signals))
       reasons[i] = *std::move(unsuited);
     else

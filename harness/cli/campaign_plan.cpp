@@ -97,7 +97,7 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
   std::vector<EnvelopeRow> rows;
   for (const faults::FaultType& type : faults::FaultTypes()) {
     if (!IsDrawn(spec.draw, type)) continue;
-    const std::vector<EnvelopeRow> of_type = RowsAtEveryPlace(type, signals);
+    const std::vector<EnvelopeRow> of_type = RowsAtEveryPlace(type, base.scenario, signals);
     rows.insert(rows.end(), of_type.begin(), of_type.end());
   }
   const std::vector<std::string> reasons = ReasonsAgainst(campaign.means, probed, rows);

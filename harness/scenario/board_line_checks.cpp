@@ -53,16 +53,13 @@ class BoardLineCheck : ScenarioCheck {
       if (target != faults::Target::kNone) valid.emplace_back(Name(target));
     for (const LineEntry& line : scenario_.lines) {
       faults::FaultSpec found = fault;
-      found.line = line.id;
-      const auto is_it = [&](std::string_view end, faults::Target target) {
-        found.line_end = end;
-        found.target = target;
+      const auto is_it = [&](std::optional<std::size_t> end) {
+        PutOnLine(line, end, found);
         valid.push_back(TargetText(found));
         return valid.back() == text;
       };
-      bool is_found = is_it("", faults::Target::kBoth);
-      for (std::size_t end = 0; end < line.between.size() && !is_found; ++end)
-        is_found = is_it(line.between[end], end == 0 ? faults::Target::kToClient : faults::Target::kToPlant);
+      bool is_found = is_it({});
+      for (std::size_t end = 0; end < line.between.size() && !is_found; ++end) is_found = is_it(end);
       if (!is_found) continue;
       fault = found;
       if (const auto problem = faults::LineProblem(*type, line.protocol != nullptr))

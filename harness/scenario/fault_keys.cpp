@@ -81,11 +81,9 @@ void DescribeMessage(KeyVisitor& v, FaultSpec& fault) {
       fault.message, kMessageName);
 }
 
-// Faults that act on one client's line, samples, board or nodes.
 void DescribeClientOf(KeyVisitor& v, const FaultType& type, FaultSpec& fault) {
   const Key key = {"client", "With several clients: the one on which the fault acts; absent: all"};
-  if (type.has_target() ||
-      type.IsOneOf<faults::SensorKind, faults::DeviceKind, faults::ClockKind, faults::NodeKind>())
+  if (type.is_of_client())
     v.Text(key, fault.client, kClientRule);
   else
     v.Refuse({"client", "a fault of this type acts on the vehicle, not on a client"});

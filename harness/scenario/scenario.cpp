@@ -76,6 +76,14 @@ std::uint64_t Scenario::seed_of_line(std::size_t line) const {
   return faults::StreamKey(seed, {"line", lines.at(line).id});
 }
 
+void PutOnLine(const LineEntry& line, std::optional<std::size_t> end, faults::FaultSpec& fault) {
+  fault.line = line.id;
+  fault.line_end = end ? line.between.at(*end) : "";
+  fault.target = !end        ? faults::Target::kBoth
+                 : *end == 0 ? faults::Target::kToClient
+                             : faults::Target::kToPlant;
+}
+
 std::vector<LineEndId> Scenario::line_ends_of(std::size_t client) const {
   std::vector<LineEndId> ends;
   const std::string id = client_id(client);

@@ -62,9 +62,9 @@ std::vector<EnvelopeRow> Rows(const Scenario& base) {
   const ClientAbilities abilities = AbilitiesOf(HostLibrary{}, false);
   std::vector<EnvelopeRow> rows;
   for (const faults::FaultType& type : faults::FaultTypes()) {
-    for (const EnvelopeRow& row : RowsAtEveryPlace(type, Vehicle()->signals())) {
+    for (const EnvelopeRow& row : RowsAtEveryPlace(type, base, Vehicle()->signals())) {
       const faults::FaultSpec fault = WithRow(with_placeholder, row, Vehicle()->signals()).faults.front();
-      if (!faults::ProtocolProblem(fault, *base.link.protocol) && !Unsupported(fault, type, abilities) &&
+      if (!faults::ProtocolProblem(fault, base.protocol_of(fault)) && !Unsupported(fault, type, abilities) &&
           !faults::Unsuited(fault, type, Vehicle()->signals()))
         rows.push_back(row);
     }
@@ -72,11 +72,11 @@ std::vector<EnvelopeRow> Rows(const Scenario& base) {
   return rows;
 }
 
-CampaignPlan Plan(const DrawSpec& draw = {}) {
+CampaignPlan Plan(const DrawSpec& draw = {}, const Scenario& scenario = Base()) {
   CampaignPlan plan;
   plan.spec.draw = draw;
   DrawBase base;
-  base.scenario = Base();
+  base.scenario = scenario;
   base.model = Vehicle();
   base.types = PrepareTypes(draw, base.scenario, Vehicle()->signals(), Rows(base.scenario));
   plan.bases = {base};
@@ -123,6 +123,44 @@ TEST(CampaignDraw, EveryRunIsAValidScenario) {
   }
   EXPECT_EQ(places.size(), plan.bases.front().types.size()) << "some type was never drawn";
   EXPECT_GT(places.at("sensor.bias").size(), 10U);
+}
+
+// Two boards with two lines between them; frames are known on one.
+Scenario TwoBoards() {
+  return ParseScenario(R"yaml(name: two-boards
+duration_s: 30
+reference: {type: hover, at_m: [0, 0, 2]}
+clients: [{id: a}, {id: b}]
+lines:
+  - {id: cross, between: [a, b], protocol: paper}
+  - {id: raw, between: [b, a]}
+arbiter: {type: primary_backup, timeout_ms: 36}
+criteria:
+  - {name: near, stl: "always(position_error_m <= 1)"}
+)yaml",
+                       "two-boards.yaml", Options());
+}
+
+TEST(CampaignDraw, FaultsActOnEachClientAndEachLineBetweenThem) {
+  const CampaignPlan plan = Plan({.faults_count_min = 1, .faults_count_max = 6}, TwoBoards());
+  std::map<std::string, std::set<std::string>> places;
+  for (std::uint64_t number = 0; number < 3000; ++number) {
+    const DrawnRun run = DrawRun(plan, number);
+    const std::string text = WriteResolved(run.scenario);
+    ASSERT_NO_THROW(EXPECT_EQ(WriteResolved(ParseScenario(text, "drawn.yaml", Options())), text)) << text;
+    for (const CampaignFault& fault : run.faults) places[fault.type].insert(fault.place);
+  }
+  const std::set<std::string> lines = {"cross", "cross_to_a", "cross_to_b", "raw", "raw_to_a", "raw_to_b"};
+  std::set<std::string> expected = lines;
+  for (const char* client : {"a", "b"})
+    for (const char* target : {"to_plant", "to_client", "both", "reference"})
+      expected.insert(std::string(client) + ":" + target);
+  EXPECT_EQ(places.at("wire.bit_error"), expected);
+  EXPECT_THAT(places.at("frame.drop"), ::testing::IsSupersetOf({"cross", "cross_to_a", "a:to_plant"}));
+  EXPECT_THAT(places.at("frame.drop"), Each(Not(StartsWith("raw"))));
+  EXPECT_EQ(places.at("device.reset"), (std::set<std::string>{"a", "b"}));
+  EXPECT_THAT(places.at("sensor.bias"), ::testing::IsSupersetOf({"a:z_m", "b:z_m"}));
+  EXPECT_THAT(places.at("actuator.lag"), ::testing::Contains("f_r")) << "the vehicle has one of each";
 }
 
 TEST(CampaignDraw, LeavesOutFaultsThatChangeNothing) {
