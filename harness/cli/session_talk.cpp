@@ -9,6 +9,7 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <new>
 #include <stdexcept>
@@ -32,6 +33,7 @@ constexpr int kTurn_ms = 100;
 // Rows between two looks whether anyone still listens.
 constexpr int kRowsUnheardMax = 64;
 constexpr double kTimeMax_s = 1e6;
+constexpr std::uint64_t kNumberMax = (std::uint64_t{1} << 53) - 1;
 
 // A request that is not valid: why, and where in it.
 struct RequestError : std::runtime_error {
@@ -43,12 +45,14 @@ struct RequestError : std::runtime_error {
 constexpr std::array<std::string_view, 7> kVerbs = {"advance_s", "until", "inject", "remove",
                                                     "read",      "stop",  "finish"};
 
-// The verb of a request, which has nothing else but, with `until`, a time.
+constexpr std::string_view kNumberKey = "request";  // of a request and of its answer
+
+// The verb of a request, which has nothing else but its number and, with `until`, a time.
 std::string VerbOf(const Json& request) {
   if (!request.is_object()) throw RequestError("", "expected a JSON object, for example {\"advance_s\": 1}");
   std::string verb;
   for (const auto& [key, value] : request.items()) {
-    if (key == "timeout_s") continue;
+    if (key == "timeout_s" || key == kNumberKey) continue;
     if (std::find(kVerbs.begin(), kVerbs.end(), key) == kVerbs.end())
       throw RequestError(key, fmt::format("unknown key '{}'{}", key, DidYouMean(key, kVerbs)));
     if (!verb.empty()) throw RequestError(key, fmt::format("one request at a time: '{}' or '{}'", verb, key));
@@ -57,6 +61,15 @@ std::string VerbOf(const Json& request) {
   if (verb.empty()) throw RequestError("", fmt::format("expected one of {}", fmt::join(kVerbs, ", ")));
   if (verb != "until" && request.contains("timeout_s")) throw RequestError("timeout_s", "only with `until`");
   return verb;
+}
+
+std::int64_t NumberOf(const Json& request) {
+  if (!request.is_object() || !request.contains(kNumberKey)) return -1;
+  const Json& number = request.at(kNumberKey);
+  if (!number.is_number_unsigned() || number.get<std::uint64_t>() > kNumberMax)
+    throw RequestError(std::string(kNumberKey), fmt::format("expected a whole number from 0 to {}, found {}",
+                                                            kNumberMax, JsonLine(number)));
+  return number.get<std::int64_t>();
 }
 
 TimeNs Duration(const Json& request, const char* key) {
@@ -87,8 +100,9 @@ struct SessionTalk::Shared {
   std::array<char, kRequestBytesMax> bytes;  // read, and not taken yet
   std::size_t size = 0;
   int requests_count = 0;
-  bool open = false;  // a request waits for its answer
-  bool over = false;  // the stream has ended
+  std::int64_t number = -1;  // that the open request has given itself; negative: none
+  bool open = false;         // a request waits for its answer
+  bool over = false;         // the stream has ended
   bool greeted = false;
 };
 
@@ -119,7 +133,9 @@ void SessionTalk::Attend(SteeredFlight& flight, Scenario& flown, const std::func
       return;
     }
     try {
-      if (Obey(Json::parse(*line), flight, flown)) return;
+      const Json request = Json::parse(*line);
+      shared_->number = NumberOf(request);
+      if (Obey(request, flight, flown)) return;
     } catch (const Json::parse_error& error) {
       Complain(fmt::format("column {}", error.byte), "not a line of JSON");
     } catch (const RequestError& error) {
@@ -274,6 +290,7 @@ std::optional<std::string> SessionTalk::NextLine(const std::function<void()>& al
     std::memmove(begin, newline + 1, shared_->size);
     if (line.find_first_not_of(" \t\r") == std::string::npos && !skips) continue;
     ++shared_->requests_count;
+    shared_->number = -1;
     shared_->open = true;
     if (!std::exchange(skips, false)) return line;
     Complain("", fmt::format("a request has at most {} bytes", kRequestBytesMax));
@@ -316,8 +333,9 @@ void SessionTalk::Complain(const std::string& where, const std::string& message)
          {"message", message}}}});
 }
 
-void SessionTalk::Write(const Json& line) {
+void SessionTalk::Write(Json line) {
   shared_->open = false;
+  if (shared_->number >= 0) line[kNumberKey] = shared_->number;
   const std::string text = JsonLine(line) + "\n";
   for (std::size_t done = 0; done < text.size() && !unheard_;) {
     const ssize_t count = write(ends_.out, text.data() + done, text.size() - done);

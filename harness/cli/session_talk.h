@@ -76,7 +76,7 @@ class SessionTalk {
   bool IsHeard() const;  // the script still reads
   void Answer(TimeNs time_ns, const nlohmann::ordered_json& answer);
   void Complain(const std::string& where, const std::string& message);
-  void Write(const nlohmann::ordered_json& line);
+  void Write(nlohmann::ordered_json line);
 
   Ends ends_;
   ModelCache& models_;

@@ -57,11 +57,13 @@ class Flight:
     def __init__(self, arguments: list[str]) -> None:
         self._log = tempfile.TemporaryFile()
         self._session = subprocess.Popen(
-            [find_program(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log
+            [find_program(), *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._log, bufsize=0
         )
+        self._unread = b""
+        self._requests_count = 0
         self._result: Result | None = None
         self.time_s = 0.0
-        hello = self._receive()
+        hello = self._receive(None)
         if self._result is not None:
             raise FlightOver(self._result.reason, self._result)
         self.scenario: str = hello["scenario"]
@@ -165,7 +167,9 @@ class Flight:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is None:
-            self.finish()
+            # What ended it before has been raised.
+            if not self.over and self.finish().verdict == "error":
+                raise Error(f"the flight was not judged: {self.result.reason}")
             return
         at_s = self.time_s
         try:
@@ -179,14 +183,12 @@ class Flight:
 
     def _end(self, request: Mapping[str, object]) -> Result:
         if self._result is None:
-            self._send(request)
-            self._receive()
+            self._receive(self._send(request))
         return self.result
 
     def _ask(self, request: Mapping[str, object]) -> dict[str, Any]:
         if self._result is None:
-            self._send(request)
-            answer = self._receive()
+            answer = self._receive(self._send(request))
         if self._result is not None:
             raise FlightOver(
                 f"the flight is over ({self._result.end_reason}): {self._result.verdict}: {self._result.reason}",
@@ -194,23 +196,36 @@ class Flight:
             )
         return answer
 
-    def _send(self, request: Mapping[str, object]) -> None:
+    def _send(self, request: Mapping[str, object]) -> int:
+        """Returns the request's number, which its answer has, too."""
         assert self._session.stdin is not None
         if self._session.stdin.closed:
             raise Error(f"`tiltproof session` has ended, with code {self._session.returncode}")
+        self._requests_count += 1
         try:
-            self._session.stdin.write(json.dumps(request).encode() + b"\n")
-            self._session.stdin.flush()
+            text = json.dumps({**request, "request": self._requests_count}, allow_nan=False)
+        except ValueError:
+            raise RequestError(f"a number is not finite ({request})") from None
+        try:
+            self._session.stdin.write(text.encode() + b"\n")
         except BrokenPipeError:
             pass  # the answer says why
+        return self._requests_count
 
-    def _receive(self) -> dict[str, Any]:
-        assert self._session.stdout is not None
-        line = self._session.stdout.readline()
-        if not line:
-            said = self._close()
-            raise Error(said or f"`tiltproof session` ended without an answer, with code {self._session.returncode}")
-        answer: dict[str, Any] = json.loads(line)
+    def _receive(self, number: int | None) -> dict[str, Any]:
+        """The answer to the request with this number, or the last one of the flight. A signal's exception may have ended an
+        earlier call before its answer came: that one is dropped."""
+        while True:
+            line = self._read_line()
+            if not line:
+                said = self._close()
+                raise Error(said or f"`tiltproof session` ended without an answer, with code {self._session.returncode}")
+            try:
+                answer: dict[str, Any] = json.loads(line)
+            except ValueError:
+                continue  # the exception came while a part of it was read
+            if "ended" in answer or answer.get("request", number) == number:
+                break
         if "error" in answer:
             raise RequestError(f"{answer['error']['message']} ({answer['error']['place']})")
         if "ended" in answer:
@@ -220,6 +235,17 @@ class Flight:
         else:
             self.time_s = answer["time_s"]
         return answer
+
+    def _read_line(self) -> bytes:
+        """Empty: there is no more."""
+        assert self._session.stdout is not None
+        while b"\n" not in self._unread:
+            more = self._session.stdout.read(1 << 16)
+            if not more:
+                return b""
+            self._unread += more
+        line, _, self._unread = self._unread.partition(b"\n")
+        return line + b"\n"
 
     def _close(self) -> str:
         """Ends the session. Returns what it has said for people."""

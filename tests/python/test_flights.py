@@ -235,6 +235,43 @@ def test_a_killed_worker_is_an_answer(scenario: pathlib.Path) -> None:
     assert flight.result.verdict == "error"
 
 
+def test_an_exception_inside_a_call_drops_its_answer(scenario: pathlib.Path) -> None:
+    class TimeIsUp(Exception):
+        pass
+
+    def interrupt(*_: object) -> None:
+        raise TimeIsUp
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        with tiltproof.fly(scenario) as flight:
+            signal.setitimer(signal.ITIMER_REAL, 0.01)
+            with pytest.raises(TimeIsUp):
+                while True:
+                    flight.advance(0.1)
+            at_s = flight.advance(0.5)
+            assert flight.read("z_m").keys() == {"z_m"}
+            with pytest.raises(tiltproof.NotReached):
+                flight.until("z_m > 900", timeout_s=0.5)
+            assert flight.time_s == pytest.approx(at_s + 0.5, abs=0.013)
+        # The flight ends as ever, also when such an exception leaves the block.
+        with pytest.raises(TimeIsUp):
+            with tiltproof.fly(scenario) as flight:
+                signal.setitimer(signal.ITIMER_REAL, 0.01)
+                while True:
+                    flight.advance(0.1)
+        assert flight.result.end_reason == "interrupted" or flight.over
+        assert (pathlib.Path(flight.folder) / "trace.csv").is_file()
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_flight_that_cannot_be_judged_raises(scenario: pathlib.Path) -> None:
+    with pytest.raises(tiltproof.Error, match="no-such-program"):
+        with tiltproof.fly(scenario, client="program:exec ./no-such-program"):
+            pass
+
+
 def test_a_killed_session_is_named(scenario: pathlib.Path) -> None:
     with pytest.raises(tiltproof.Error, match="ended without an answer, with code -9"):
         with tiltproof.fly(scenario) as flight:
