@@ -173,13 +173,15 @@ void WorkerProcess::GetsOn(const FlightJob& job, SteadyClock::time_point now) {
 }
 
 // A worker that is asked to end does so with its next step: but not in a debugger, nor in a call into a firmware that does not
-// return.
+// return, nor while it waits for a process that is stopped.
 void WorkerProcess::GiveUp(const FlightJob& job) {
   constexpr std::chrono::seconds kLimit{1};
   const auto now = SteadyClock::now();
   const std::uint64_t calls = report_->firmware.calls_count.load(std::memory_order_relaxed);
   const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
-  if (!interrupted_at_ || (!job.means.debug && (inside == FirmwareCall::kNone || calls != interrupted_in_))) {
+  const bool stands = own_.excuse() == OwnTime::Excuse::kStopped ||
+                      (inside != FirmwareCall::kNone && calls == interrupted_in_);
+  if (!interrupted_at_ || (!job.means.debug && !stands)) {
     interrupted_at_ = now;
     interrupted_in_ = calls;
   }
@@ -269,8 +271,9 @@ FlightResult WorkerProcess::WithoutResult(const FlightJob& job, int status) cons
   const FirmwareCall inside = report_->firmware.inside.load(std::memory_order_relaxed);
   if (given_up_)
     return ErrorResult(
-        job, job.means.debug
-                 ? fmt::format("interrupted in a debugger, or while it waited for one, {}", at)
+        job, job.means.debug ? fmt::format("interrupted in a debugger, or while it waited for one, {}", at)
+             : stuck_in_ == FirmwareCall::kNone
+                 ? fmt::format("interrupted while a process of the flight was stopped, {}", at)
                  : fmt::format("interrupted while the firmware was in {}, {}", Name(stuck_in_), at));
   if (stuck_ && stopped_itself_in_ != FirmwareCall::kNone)
     return FirmwareFailed(job, Outcome::kHung, {.kind = FirmwareEndKind::kInOwnCode},

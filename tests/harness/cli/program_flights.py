@@ -15,12 +15,12 @@ class ProgramFlights(CommandLineTest):
         return code, out + err, {entry["name"]: entry for entry in self.results()["scenarios"]}
 
     def processes(self):
-        """Those that the test's programs are."""
-        found = []
+        """Those that the test's programs are: their commands by number."""
+        found = {}
         for process in pathlib.Path("/proc").glob("[0-9]*"):
             try:
                 if str(self.folder) in os.readlink(process / "cwd") and int(process.name) != os.getpid():
-                    found.append((process / "cmdline").read_text())
+                    found[int(process.name)] = (process / "cmdline").read_text()
             except OSError:
                 pass
         return found
@@ -30,17 +30,25 @@ class ProgramFlights(CommandLineTest):
             if not self.processes():
                 return
             time.sleep(0.1)
-        self.assertEqual(self.processes(), [])
+        self.assertEqual(self.processes(), {})
+
+    def fly_until(self, path, client, name):
+        """Flies until a program flies with it that has a word with this end in its command. Returns tiltproof and its number."""
+        running = subprocess.Popen([PROGRAM, "run", path, "--no-report", "--client", client], cwd=self.folder, stdout=subprocess.DEVNULL,
+                                   stderr=subprocess.PIPE, text=True)
+        self.addCleanup(running.stderr.close)
+        self.addCleanup(running.kill)
+        for _ in range(200):
+            for number, command in self.processes().items():
+                words = command.split("\0")
+                if "run" not in words and not words[0].endswith("/sh") and any(word.endswith(name) for word in words):
+                    return running, number
+            time.sleep(0.05)
+        self.fail("its program never flew")
 
     def killed(self, path, client, name):
-        """Flies, and kills tiltproof (SIGKILL) when a process with this name in its command flies with it: nothing is left."""
-        with subprocess.Popen([PROGRAM, "run", path, "--no-report", "--client", client], cwd=self.folder, stdout=subprocess.DEVNULL,
-                              stderr=subprocess.DEVNULL) as running:
-            for _ in range(200):
-                if any(name in command for command in self.processes()):
-                    break
-                time.sleep(0.05)
-            else:
-                self.fail("its program never flew")
-            running.send_signal(signal.SIGKILL)
+        """Flies, and kills tiltproof (SIGKILL) when that program flies with it: nothing is left."""
+        running, _ = self.fly_until(path, client, name)
+        running.send_signal(signal.SIGKILL)
+        running.wait()
         self.await_none()

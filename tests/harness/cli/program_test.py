@@ -2,6 +2,7 @@
 """Programs in lockstep (`--client program:CMD`), as a user sees them: the bits of a library, and what becomes of programs
 that do what they must not. Usage: program_test.py TILTPROOF SOURCE_DIR"""
 import json
+import os
 import pathlib
 import re
 import resource
@@ -140,6 +141,16 @@ class ProgramTest(ProgramFlights):
                 self.assertIn(expected, entry["reason"])
         self.await_none()
 
+    def test_ctrl_c_ends_a_flight_whose_program_is_stopped(self):
+        self.scenario("long", **{"duration_s: 0.6": "duration_s: 600"})
+        running, program = self.fly_until("long.yaml", f"{MINIMAL}", "minimal_program")
+        os.kill(program, signal.SIGSTOP)
+        self.assertIn("is stopped", running.stderr.readline())
+        running.send_signal(signal.SIGINT)
+        self.assertEqual(running.wait(20), 130)
+        self.assertIn("a process of the flight was stopped", self.results()["scenarios"][0]["reason"])
+        self.await_none()
+
     def test_programs_that_never_fly(self):
         for way, reason in {"ends_at_once": "exited with code 1 and has not connected to TILTPROOF_SOCKET (docs/program.md): nothing to do here",
                             "refuses": "cannot be firmware 'paper' with dialect 'paper': no such build",
@@ -203,7 +214,7 @@ class ProgramTest(ProgramFlights):
 
     def test_nothing_is_left_when_tiltproof_is_killed(self):
         self.scenario("sleep")
-        self.killed("sleep.yaml", python("sleep"), "program_client")
+        self.killed("sleep.yaml", python("sleep"), "program_client.py")
 
     def test_mistakes(self):
         self.scenario("hover")
