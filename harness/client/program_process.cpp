@@ -305,6 +305,22 @@ void ProgramProcess::ThrowEnded() {
                                        : fmt::format("the firmware closed its socket in {}", what_));
 }
 
+std::optional<ProgramMessage> ProgramProcess::FindRefusal() {
+  std::array<std::uint8_t, 4096> buffer;
+  for (int reads = 0; reads < kReceivesAtOnce; ++reads) {
+    const ssize_t count = recv(socket_.get(), buffer.data(), buffer.size(), MSG_DONTWAIT);
+    if (count <= 0) break;
+    reader_.Add(std::span(buffer).first(static_cast<std::size_t>(count)));
+  }
+  try {
+    while (const auto message = reader_.Next())
+      if (message->kind == ProgramMessage::Kind::kRefused) return message;
+  } catch (const BrokenProtocol&) {
+    // Then that is what is told.
+  }
+  return std::nullopt;
+}
+
 std::optional<FirmwareTrouble> ProgramProcess::AwaitEnd() {
   if (!EndsWithin(kEndsWithinNs))
     return FirmwareTrouble(

@@ -2,8 +2,8 @@
  * nothing of tiltproof's harness. The controller is that of ../minimal_c/minimal_firmware.c, behind its functions.
  *
  *   gcc -O2 -ffp-contract=off -I ../../.. posix_firmware.c ../minimal_c/minimal_firmware.c -o posix_firmware
- *   tiltproof run scenarios/paper/paper-hover.yaml --client 'clocked:./posix_firmware {port} {reference_port} {baud}'
- *   tiltproof run scenarios/paper/paper-hover.yaml --mode realtime --client 'process:./posix_firmware {port} {reference_port} {baud}'
+ *   tiltproof run scenarios/paper/hover.yaml --client 'clocked:./posix_firmware {port} {reference_port} {baud}'
+ *   tiltproof run scenarios/paper/hover.yaml --mode realtime --client 'process:./posix_firmware {port} {reference_port} {baud}'
  */
 #define _DEFAULT_SOURCE
 #define _GNU_SOURCE

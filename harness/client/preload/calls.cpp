@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <sys/epoll.h>
 #include <sys/socket.h>
+#include <sys/sysinfo.h>
 #include <sys/time.h>
 #include <sys/uio.h>
 
@@ -26,6 +27,8 @@ template <typename T>
 T* As(long word) {
   return reinterpret_cast<T*>(word);
 }
+
+constexpr std::int64_t kTicksPerSecond = 100;  // of times(), as the kernel tells every program
 
 timespec Spec(std::int64_t ns) { return {ns / kSecond, ns % kSecond}; }
 // A time-out of a call, from now on; null: never.
@@ -462,6 +465,15 @@ long OnTime(const Call& call) {
       return VirtualGettimeofday(As<void>(a[0]), As<void>(a[1]));
     case SYS_time:
       return VirtualTime(As<long>(a[0]));
+    case SYS_times: {
+      const long failed = Kernel(SYS_times, a[0]);
+      return failed < 0 ? failed : Now() / (kSecond / kTicksPerSecond);
+    }
+    case SYS_sysinfo: {
+      const long failed = Kernel(SYS_sysinfo, a[0]);
+      if (failed == 0) As<struct sysinfo>(a[0])->uptime = Now() / kSecond;
+      return failed;
+    }
     case SYS_clock_settime:
     case SYS_settimeofday:
     case SYS_clock_adjtime:

@@ -81,6 +81,8 @@ constexpr int kTrapped[] = {
     SYS_clock_gettime,
     SYS_gettimeofday,
     SYS_time,
+    SYS_times,
+    SYS_sysinfo,
     SYS_clock_settime,
     SYS_settimeofday,
     SYS_clock_adjtime,

@@ -23,8 +23,10 @@
 #include <sys/select.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
+#include <sys/sysinfo.h>
 #include <sys/time.h>
 #include <sys/timerfd.h>
+#include <sys/times.h>
 #include <sys/wait.h>
 #include <termios.h>
 #include <threads.h>
@@ -85,6 +87,11 @@ static void clocks(void) {
       (int (*)(clockid_t, struct timespec*))shared_page_function("__vdso_clock_gettime");
   by_hand(CLOCK_MONOTONIC, &time_ns);
   say("by_hand", time_ns.tv_nsec / 1000);
+  usleep(2000000);
+  struct tms used;
+  struct sysinfo system;
+  say("times", (long)times(&used));
+  say("uptime", sysinfo(&system) == 0 ? system.uptime : -1);
   /* The processor's time stays the machine's. */
   volatile double x = 1;
   const long long before_us = us_of(CLOCK_PROCESS_CPUTIME_ID);
