@@ -7,6 +7,7 @@
 #include <cstring>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <variant>
 
 #include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
@@ -75,10 +76,13 @@ const link::Framing& FramingOf(const std::shared_ptr<const link::Protocol>& prot
 int FrameEncodeCommand(const std::string& hex, const FrameOptions& options) {
   const std::shared_ptr<const link::Protocol> protocol = options.Protocol();
   const auto payload = FromHex(hex);
-  if (payload.size() > link::kPayloadBytesMax)
-    throw UsageError(
-        fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), link::kPayloadBytesMax));
-  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(FramingOf(protocol).Encode(payload), "")));
+  const link::Framing& framing = FramingOf(protocol);
+  std::size_t most = link::kPayloadBytesMax;
+  if (const auto end = framing.frame_end(); end && std::holds_alternative<link::LengthHeader>(*end))
+    most = std::get<link::LengthHeader>(*end).payload_bytes_max;
+  if (payload.size() > most)
+    throw UsageError(fmt::format("HEX: {} bytes; a payload has at most {}", payload.size(), most));
+  Print(stdout, "{}\n", fmt::format("{:02x}", fmt::join(framing.Encode(payload), "")));
   return kExitGreen;
 }
 

@@ -143,6 +143,7 @@ void PrintTable(const Format& format, ErrorKind errors, const std::vector<Integr
 }
 
 void WritePage(const std::filesystem::path& file, const nlohmann::ordered_json& rows) {
+  if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path());
   const nlohmann::ordered_json json = {{"version", Version()}, {"rows", rows}};
   WriteFile(file, PageWith(IntegrityPageTemplate(), "<script type=\"application/json\" id=\"integrity\">" +
                                                         ScriptSafe(JsonText(json)) + "</script>\n"));
@@ -195,7 +196,9 @@ void RegisterIntegrity(CLI::App& program, CommandLine& line) {
       ->add_option("--errors", options->errors,
                    fmt::format("Kinds of damage (default: ber): {}", AllNames<ErrorKind>()))
       ->delimiter(',');
-  command->add_option("--frames", options->frames_count, "Damaged frames for each level")
+  command
+      ->add_option("--frames", options->frames_count,
+                   "Damaged frames for each level; loss and insert: a tenth of them")
       ->check(CLI::Range(std::int64_t{1000}, std::int64_t{1'000'000'000'000}))
       ->capture_default_str();
   command->add_option("--seed", options->seed, "Seed of what is drawn")

@@ -244,6 +244,9 @@ int ProtocolCheckCommand(const CheckOptions& options) {
 
 int ProtocolHeaderCommand(const std::string& name, const std::filesystem::path& out) {
   const std::string text = CHeader(*ReadProtocolFlag(name, ""));
+  if (std::filesystem::is_directory(out))
+    throw UsageError(fmt::format("--out {}: is a folder; give a file", out.string()));
+  if (out.has_parent_path()) std::filesystem::create_directories(out.parent_path());
   if (out.empty())
     Print(stdout, "{}", TextLines(text));
   else

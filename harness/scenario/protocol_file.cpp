@@ -82,6 +82,7 @@ class Maker {
     for (std::size_t i = 0; i < nodes_.size(); ++i) protocol.messages.push_back(MessageOf(i));
     CheckNames();
     CheckIds();
+    CheckTimes(protocol);
     CheckReplies(protocol);
     CheckStart(protocol);
     for (std::size_t i = 0; i < nodes_.size(); ++i) SetRole(i, protocol.messages[i]);
@@ -203,6 +204,15 @@ class Maker {
     };
     if (spec.min) check("min", *spec.min);
     if (spec.max) check("max", *spec.max);
+    // A sender at the end of the range sends the nearest number that the field can hold, which may lie a little beyond.
+    if (spec.min) field.min = std::min(field.min, OnLine(field, field.min));
+    if (spec.max) field.max = std::max(field.max, OnLine(field, field.max));
+  }
+
+  static double OnLine(const MessageField& field, double value) {
+    std::array<std::uint8_t, 8> bytes{};
+    link::StoreNumber(field.type, field.order, value / field.scale, bytes);
+    return field.scale * link::LoadNumber(field.type, field.order, bytes);
   }
 
   void CheckNames() {
@@ -254,6 +264,24 @@ class Maker {
     return std::nullopt;
   }
 
+  // A receiver takes a time that is half the range of its type ahead for an old one.
+  void CheckTimes(const link::Protocol& protocol) {
+    for (std::size_t i = 0; i < nodes_.size(); ++i) {
+      const MessageType& type = protocol.messages[i];
+      const TimeNs period_ns = type.period_ns > 0 ? type.period_ns : protocol.control_period_ns;
+      for (std::size_t k = 0; k < type.fields.size(); ++k) {
+        const MessageField& field = type.fields[k];
+        const double half_us = (link::LargestNumber(field.type) + 1) / 2;
+        if (field.content != FieldContent::kTimeUs || half_us * kNsPerUs > static_cast<double>(period_ns))
+          continue;
+        Complain(PlaceOf(ValueOf(&nodes_[i], "fields")->items[k], "type"),
+                 fmt::format("type: a time of type {} wraps every {} us, which is less than two periods of "
+                             "{} us; write u32",
+                             Name(field.type), 2 * half_us, period_ns / kNsPerUs));
+      }
+    }
+  }
+
   void CheckReplies(const link::Protocol& protocol) {
     bool has_request = false, has_period = false;
     for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -293,6 +321,11 @@ class Maker {
     const YamlMark mark = PlaceOf(mapping_, fmt::format("start.{}", key));
     if (const auto place = FindNamed(name, LineEnd::kClientEnd, mark, key))
       protocol.messages[*place].starts = true;
+    const MessageType* start = protocol.Find(name);
+    if (!is_first && start != nullptr && !start->reply.empty())
+      Complain(mark, fmt::format("message: '{}' comes again in every period, because it has a 'reply': write "
+                                 "`first: {}`",
+                                 name, name));
     if (is_first && spec_.repeated_start == RepeatedStart::kBoot)
       Complain(PlaceOf(mapping_, "start.repeated"),
                fmt::format(

@@ -108,6 +108,18 @@ class CliTest(CommandLineTest):
         self.assertEqual((code, out), (2, ""))
         self.assertIn("is a folder", err)
 
+    def test_a_frame_holds_what_its_length_counts(self):
+        text = "\n".join([
+            "protocol: short", "control_period_ms: 4", "framing: {type: length_prefixed, sync: [0xAA], length: u8, check: crc16_ibm_sdlc}",
+            "exchange: request_reply", "start: {first: ask}", "messages:", "  - {name: ask, id: 1, from: client, reply: state}",
+            "  - {name: state, id: 2, from: server, fields: [{signal: z_m, type: f32}]}",
+            "  - {name: motors, id: 3, from: client, fields: [{signal: f_r_n, type: f32}]}", ""])
+        (self.folder / "short.yaml").write_text(text)
+        self.assertEqual(self.tiltproof("frame", "encode", "--protocol", "short.yaml", "01" * 255)[0], 0)
+        code, out, err = self.tiltproof("frame", "encode", "--protocol", "short.yaml", "01" * 256)
+        self.assertEqual((code, out), (2, ""))
+        self.assertIn("HEX: 256 bytes; a payload has at most 255", err)
+
     # new, schema
 
     def test_new_writes_a_scenario_that_flies_green(self):

@@ -153,6 +153,56 @@ TEST(ProtocolFileTest, ErrorsHaveTheirPlaces) {
   for (const Case& c : cases) EXPECT_THAT(ErrorsOf(Quad(c.part, c.by)), Contains(HasSubstr(c.error))) << c.by;
 }
 
+TEST(ProtocolFileTest, ATimeDoesNotWrapWithinTwoPeriods) {
+  const auto errors = [](std::string_view type, std::string_view period_ms) {
+    std::string text =
+        Quad("{signal: sequence, type: u8}", "{signal: time_us, type: " + std::string(type) + "}");
+    const std::string before = "period_ms: 4\n    fields";
+    return ErrorsOf(text.replace(text.find(before), before.size(),
+                                 "period_ms: " + std::string(period_ms) + "\n    fields"));
+  };
+  // Half of 256 us, and of 65,536 us.
+  EXPECT_THAT(errors("u8", "4"),
+              Contains(HasSubstr("type: a time of type u8 wraps every 256 us, which is less than two periods "
+                                 "of 4000 us; write u32")));
+  EXPECT_THAT(errors("u16", "32"), ElementsAre());
+  EXPECT_THAT(errors("u16", "36"), Contains(HasSubstr("type: a time of type u16 wraps every 65536 us")));
+}
+
+TEST(ProtocolFileTest, ARequestIsNoStartOfItsOwn) {
+  std::string text = Quad("exchange: stream", "exchange: request_reply");
+  const std::string before = "start: {first: motors}";
+  text.replace(text.find(before), before.size(), "start: {message: ask}");
+  text +=
+      "  - {name: ask, id: 9, from: client, reply: state}\n"
+      "  - {name: state, id: 10, from: server, fields: [{signal: y_m, type: f32}]}\n";
+  EXPECT_THAT(
+      ErrorsOf(text),
+      Contains(HasSubstr("message: 'ask' comes again in every period, because it has a 'reply': write "
+                         "`first: ask`")));
+}
+
+// A sender at the end of the range sends the nearest number, which may lie beyond: 61000 x 0.0001 is 6.1000000000000005
+// as a double, and the nearest f32 of 0.1 is 0.100000001.
+TEST(ProtocolFileTest, BothEndsOfARangeArePlausible) {
+  const auto status = [](const std::string& field, double value) {
+    const auto protocol =
+        ParseProtocolFile(Quad("{signal: z_m, type: i32, scale: 0.01}", field), "p.yaml").protocol;
+    const std::vector<double> values = {value};
+    link::Message message;
+    return protocol->Decode(Direction::kToClient, protocol->Encode(protocol->messages[1], values).span(),
+                            message);
+  };
+  const std::string scaled = "{signal: z_m, type: i32, scale: 0.0001, min: -6.1, max: 6.1}";
+  EXPECT_EQ(status(scaled, 6.1), link::MessageStatus::kOk);
+  EXPECT_EQ(status(scaled, -6.1), link::MessageStatus::kOk);
+  EXPECT_EQ(status(scaled, 6.1001), link::MessageStatus::kOutOfRange);
+  const std::string single = "{signal: z_m, type: f32, min: -0.1, max: 0.1}";
+  EXPECT_EQ(status(single, 0.1), link::MessageStatus::kOk);
+  EXPECT_EQ(status(single, -0.1), link::MessageStatus::kOk);
+  EXPECT_EQ(status(single, 0.10000002), link::MessageStatus::kOutOfRange);
+}
+
 TEST(ProtocolFileTest, APayloadFitsItsLengthField) {
   std::string fields;
   for (int i = 0; i < 64; ++i)
