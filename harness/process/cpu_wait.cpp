@@ -16,6 +16,9 @@
 namespace tiltproof::harness {
 namespace {
 
+// The kernel brings the counters of a thread that runs up to date with each of its ticks, at the latest.
+constexpr TimeNs kTickMaxNs = 10 * kNsPerMs;
+
 std::string ReadAll(int descriptor) {
   std::array<char, 512> text;
   const ssize_t size = pread(descriptor, text.data(), text.size(), 0);
@@ -78,10 +81,12 @@ TimeNs CpuWait::Take(TimeNs since_last_ns) {
     }
     ++it;
     if (now == before && IsReady(thread.stat.get())) {
-      thread.counted_ns += since_last_ns;
-      total_ns += since_last_ns;
+      thread.still_ns += since_last_ns;
+      if (thread.still_ns > kTickMaxNs)
+        total_ns += thread.still_ns - std::exchange(thread.counted_ns, thread.still_ns);
       continue;
     }
+    thread.still_ns = 0;
     const TimeNs counted_ns = std::exchange(thread.counted_ns, 0);
     total_ns += std::max<TimeNs>(
         now.total_ns - before.total_ns - counted_ns - kOwnWaitNs * (now.count - before.count), 0);

@@ -44,7 +44,8 @@ class CpuWait {
   struct Thread {
     link::OwnedDescriptor schedstat, stat;
     Waits seen;
-    TimeNs counted_ns = 0;  // of the wait that is not over yet
+    TimeNs still_ns = 0;    // ready, without a change of its counters
+    TimeNs counted_ns = 0;  // of it, as a wait that is not over yet
   };
   static Waits Read(int descriptor);
   static bool IsReady(int descriptor);

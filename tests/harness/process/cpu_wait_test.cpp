@@ -79,6 +79,14 @@ TEST(CpuWaitTest, AWaitThatIsNotOverCounts) {
   starved.join();
 }
 
+// Its counters stand still between two ticks of the kernel.
+TEST(CpuWaitTest, AThreadThatRunsWaitsForNothing) {
+  CpuWait wait(getpid());
+  TimeNs waited_ns = 0;
+  for (int i = 0; i < 1000; ++i) waited_ns += wait.Take(kNsPerUs);
+  EXPECT_LT(waited_ns, kNsPerUs);
+}
+
 TEST(CpuWaitTest, AProcessThatIsStoppedWaitsForNothing) {
   const pid_t child = fork();
   if (child == 0)
