@@ -90,7 +90,7 @@ FaultSpec FaultOf(const EnvelopeRow& row, const VehicleSignals& signals, const S
   if (row.place_key == "target")
     for (const faults::Target target : faults::AcceptedTargets(*row.type))
       if (Name(target) == row.place) fault.target = target;
-  fault.client = row.client;
+  if (!row.client.empty() || !row.type->is_of_client()) fault.client = row.client;
   for (const LineEntry& line : base.lines)
     if (line.id == row.line) PutOnLine(line, row.line_end, fault);
   if (row.type->start == faults::Bound::kRefused) fault.start_ns = kPowerOn;

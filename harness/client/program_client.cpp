@@ -181,7 +181,7 @@ class ProgramClient final : public CalledClient {
     } catch (const FirmwareTrouble& trouble) {
       lost_ = true;
       LogAllOutput();
-      // What the virtual clock cannot hold may end the program in the middle of anything.
+      // A refusal by the virtual clock may end the program in the middle of anything.
       if (spec_.clocked)
         if (const auto refusal = process_->FindRefusal()) ThrowRefused(*refusal);
       throw trouble.hung ? trouble : Explained(trouble);

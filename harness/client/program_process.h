@@ -70,7 +70,7 @@ class ProgramProcess {
   // are kept.
   void TakeOutput(bool all);
 
-  // Why it was refused (a message of the kind kRefused), in what it has sent and was not taken; after a FirmwareTrouble.
+  // A message of the kind kRefused, in what it has sent and was not taken; after a FirmwareTrouble.
   std::optional<ProgramMessage> FindRefusal();
 
   // Waits until it has ended of its own accord. Nullopt: it did, with code 0. Otherwise what it did instead.

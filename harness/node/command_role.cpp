@@ -88,9 +88,7 @@ class CommandRole final : public Role {
     if (process_) process_->ReadAll();
     Flush();
     if (use_)
-      services_.log().Write(
-          {0, place_,
-           record::FirmwareTime{use_->Take(), services_.lateness().OriginOr(services_.clock().Now())}});
+      services_.log().Write({0, place_, record::FirmwareTime{use_->Take(), services_.lateness().zero()}});
     use_.reset();
     watch_.reset();
     process_.reset();

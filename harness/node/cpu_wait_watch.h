@@ -33,9 +33,10 @@ class CpuWaitWatch {
  private:
   // It is not known when in that time it waited.
   void Look(BootTime now) {
+    const BootTime before = std::exchange(looked_, now);
     // This look may be late itself.
-    const BootTime since = std::min(std::exchange(looked_, now), now - look_every_ns_);
-    const TimeNs waited_ns = wait_.Take(now - since);
+    const BootTime since = std::min(before, now - look_every_ns_);
+    const TimeNs waited_ns = wait_.Take(before == BootTime::Never() ? look_every_ns_ : now - before);
     if (waited_ns > disturbed_after_ns_) services_.lateness().NoteDisturbed(since, now);
     if (waited_ns > services_.lateness().late_after_ns)
       services_.lateness().Note(now - std::max(waited_ns, look_every_ns_), now);

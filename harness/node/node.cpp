@@ -338,14 +338,14 @@ void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
     case dds::Verb::kStop: {
       need(phase_ != dds::Phase::kIdle && phase_ != dds::Phase::kFinished);
       phase_ = dds::Phase::kFinished;
+      lateness_.stopped = clock_.Now();
       role_->Stop();
       // Plant, link and client share a host.
       const bool beside_firmware = options_.kind == dds::NodeKind::kPlant ||
                                    options_.kind == dds::NodeKind::kLink ||
                                    options_.kind == dds::NodeKind::kClient;
       lateness_.WriteTo(*log_,
-                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness,
-                        clock_.Now());
+                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
       log_->Close();
       return;
     }

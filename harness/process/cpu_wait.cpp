@@ -29,8 +29,9 @@ std::string ReadAll(int descriptor) {
 
 // Three numbers: nanoseconds run, nanoseconds spent waiting to run, how often it has run
 // (Documentation/scheduler/sched-stats.rst of Linux).
-CpuWait::Waits CpuWait::Read(int descriptor) {
+std::optional<CpuWait::Waits> CpuWait::Read(int descriptor) {
   const std::string text = ReadAll(descriptor);
+  if (text.empty()) return std::nullopt;
   Waits waits;
   char* rest = nullptr;
   waits.run_ns = std::strtoll(text.c_str(), &rest, 10);
@@ -46,7 +47,13 @@ bool CpuWait::IsReady(int descriptor) {
   return name_end != text.npos && name_end + 2 < text.size() && text[name_end + 2] == 'R';
 }
 
-CpuWait::CpuWait(pid_t pid) : pid_(pid) { Look(); }
+CpuWait::CpuWait(pid_t pid) : pid_(pid) {
+  // A kernel that does not count has zeros there.
+  const link::OwnedDescriptor own(open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC));
+  const auto seen = Read(own.get());
+  counts_ = seen && seen->count > 0;
+  if (counts_) Look();
+}
 
 void CpuWait::Look() {
   LookAt(pid_);
@@ -64,21 +71,24 @@ void CpuWait::LookAt(pid_t pid) {
     link::OwnedDescriptor schedstat(open((task->path() / "schedstat").c_str(), O_RDONLY | O_CLOEXEC));
     link::OwnedDescriptor stat(open((task->path() / "stat").c_str(), O_RDONLY | O_CLOEXEC));
     if (schedstat.get() < 0 || stat.get() < 0) continue;
-    const Waits seen = Read(schedstat.get());
-    threads_.emplace(id, Thread{std::move(schedstat), std::move(stat), seen});
+    if (const auto seen = Read(schedstat.get()))
+      threads_.emplace(id, Thread{pid, std::move(schedstat), std::move(stat), *seen});
   }
 }
 
 TimeNs CpuWait::Take(TimeNs since_last_ns) {
-  TimeNs total_ns = 0;
+  if (!counts_) return 0;
+  std::map<pid_t, TimeNs> waited_ns;  // by process
   for (auto it = threads_.begin(); it != threads_.end();) {
     Thread& thread = it->second;
-    const Waits now = Read(thread.schedstat.get());
-    const Waits before = std::exchange(thread.seen, now);
-    if (now.count < before.count) {  // it has ended
+    const auto read = Read(thread.schedstat.get());
+    if (!read) {  // it has ended
       it = threads_.erase(it);
       continue;
     }
+    const Waits now = *read;
+    const Waits before = std::exchange(thread.seen, now);
+    TimeNs& total_ns = waited_ns[thread.pid];
     ++it;
     if (now == before && IsReady(thread.stat.get())) {
       thread.still_ns += since_last_ns;
@@ -92,7 +102,9 @@ TimeNs CpuWait::Take(TimeNs since_last_ns) {
         now.total_ns - before.total_ns - counted_ns - kOwnWaitNs * (now.count - before.count), 0);
   }
   if (++calls_count_ % kCallsPerLook == 0) Look();
-  return total_ns;
+  TimeNs longest_ns = 0;
+  for (const auto& [pid, total_ns] : waited_ns) longest_ns = std::max(longest_ns, total_ns);
+  return longest_ns;
 }
 
 }  // namespace tiltproof::harness

@@ -14,6 +14,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "link/time.h"
@@ -27,8 +28,8 @@ class CpuWait {
 
   static constexpr TimeNs kOwnWaitNs = 50 * kNsPerUs;
 
-  // The wait since the last call, which was `since_last_ns` ago, of all threads together; 0 where the kernel does not
-  // report it (/proc/PID/task/TID/schedstat). The kernel reports a wait when it is over. A thread that was ready and did
+  // The wait since the last call, which was `since_last_ns` ago, of all threads of a process together, and of the
+  // process in which it is longest; 0 where the kernel does not report it (/proc/PID/task/TID/schedstat). The kernel reports a wait when it is over. A thread that was ready and did
   // not run at all has waited all the time: a flight may end before it runs again. New threads and processes are looked for
   // on every kCallsPerLook-th call; the first kThreadsMax count.
   TimeNs Take(TimeNs since_last_ns);
@@ -42,17 +43,20 @@ class CpuWait {
     bool operator==(const Waits&) const = default;
   };
   struct Thread {
+    pid_t pid = 0;  // of its process
     link::OwnedDescriptor schedstat, stat;
     Waits seen;
     TimeNs still_ns = 0;    // ready, without a change of its counters
     TimeNs counted_ns = 0;  // of it, as a wait that is not over yet
   };
-  static Waits Read(int descriptor);
+  // Nullopt: the thread has ended.
+  static std::optional<Waits> Read(int descriptor);
   static bool IsReady(int descriptor);
   void Look();
   void LookAt(pid_t pid);
 
   pid_t pid_;
+  bool counts_ = false;                    // the kernel
   std::map<std::string, Thread> threads_;  // by id
   int calls_count_ = 0;
 };

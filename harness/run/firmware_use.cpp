@@ -17,11 +17,12 @@ void FirmwareUse::Add(const Span& span) {
 OwnLateness::OwnLateness(const FirmwareUse& use, Origin origin) {
   if (!origin.known()) return;
   for (const FirmwareUse::Span& span : use.spans) {
-    if (span.end_ns <= origin.boot_time()) continue;
-    if (!total_) total_.emplace().processors_count = use.processors_count;
-    total_->run_ns += span.run_ns;
-    total_->elapsed_ns += span.end_ns - span.begin_ns;
-    total_->processes_max = std::max(total_->processes_max, span.processes_count);
+    if (span.end_ns > origin.boot_time()) {
+      if (!total_) total_.emplace().processors_count = use.processors_count;
+      total_->run_ns += span.run_ns;
+      total_->elapsed_ns += span.end_ns - span.begin_ns;
+      total_->processes_max = std::max(total_->processes_max, span.processes_count);
+    }
     const LateSpan with_edges{origin.SimulationTime(span.begin_ns) - FirmwareUse::kLookEveryNs,
                               origin.SimulationTime(span.end_ns) + FirmwareUse::kLookEveryNs};
     if (!spans_.empty() && with_edges.begin_ns <= spans_.back().end_ns)

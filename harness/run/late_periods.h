@@ -16,7 +16,7 @@ struct LatePeriods {
   TimeNs longest_ns = 0;  // of the spans
 };
 
-// `late`: in the order of the begins. What begins after `end_ns` does not count.
+// `late`: in the order of the begins. What begins after `end_ns`, or ends before 0, does not count.
 LatePeriods CountLatePeriods(std::span<const LateSpan> late, TimeNs end_ns, TimeNs period_ns);
 
 }  // namespace tiltproof::harness

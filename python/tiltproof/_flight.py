@@ -167,7 +167,7 @@ class Flight:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if error is None:
-            # What ended it before has been raised.
+            # An earlier end has been raised.
             if not self.over and self.finish().verdict == "error":
                 raise Error(f"the flight was not judged: {self.result.reason}")
             return
@@ -213,8 +213,8 @@ class Flight:
         return self._requests_count
 
     def _receive(self, number: int | None) -> dict[str, Any]:
-        """The answer to the request with this number, or the last one of the flight. A signal's exception may have ended an
-        earlier call before its answer came: that one is dropped."""
+        """The answer to the request with this number, or the last one of the flight. The answer to an earlier request is
+        dropped: a signal's exception may have ended that call before."""
         while True:
             line = self._read_line()
             if not line:

@@ -27,13 +27,13 @@ std::string Sendable(const std::string& text) {
 
 }  // namespace
 
-void Lateness::WriteTo(RecordSink& sink, record::LateKind kind, BootTime now) const {
-  const Origin zero = OriginOr(now);
+void Lateness::WriteTo(RecordSink& sink, record::LateKind kind) const {
   const auto write = [&](const std::vector<NodeLateSpan>& of, record::LateKind as) {
-    for (const NodeLateSpan& span : of)
-      if (!origin.known() || span.end_ns > origin.boot_time())
-        sink.Write(
-            {zero.SimulationTime(span.begin_ns), {}, record::Late{zero.SimulationTime(span.end_ns), as}});
+    for (const NodeLateSpan& span : of) {
+      if (origin.known() && span.end_ns <= origin.boot_time()) continue;
+      const BootTime end = origin.known() ? span.end_ns : std::min(span.end_ns, stopped);
+      sink.Write({zero().SimulationTime(span.begin_ns), {}, record::Late{zero().SimulationTime(end), as}});
+    }
   };
   write(spans, kind);
   write(disturbed, record::LateKind::kBoard);

@@ -44,14 +44,15 @@ struct Lateness {
   // The board's clock may have lost time then (RunLog::board_disturbed).
   void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 
-  // Writes the spans that end after t = 0; where that is not known, all, with negative times that count to `now`. `kind`: of
-  // this node.
-  void WriteTo(RecordSink& sink, record::LateKind kind, BootTime now) const;
-  Origin OriginOr(BootTime now) const { return origin.known() ? origin : Origin(now); }
+  // Writes the spans that end after t = 0; where that is not known, all, with negative times. `kind`: of this node.
+  void WriteTo(RecordSink& sink, record::LateKind kind) const;
+  // From which times count: t = 0, or the end of a flight in which it is not known.
+  Origin zero() const { return origin.known() ? origin : Origin(stopped); }
 
   TimeNs late_after_ns = kNever;  // Scenario::late_after_ns(), once a flight is prepared
   std::vector<NodeLateSpan> spans = {}, disturbed = {};
-  Origin origin = {};  // by the node's clock
+  Origin origin = {};     // by the node's clock
+  BootTime stopped = {};  // likewise, when the flight ended
 
  private:
   // Beyond kSpansMax the last span becomes one long span: no part gets the blame for what happens in it.

@@ -135,6 +135,8 @@ lines:
   - {id: cross, between: [a, b], protocol: paper}
   - {id: raw, between: [b, a]}
 arbiter: {type: primary_backup, timeout_ms: 36}
+faults:
+  - {id: both-drift, type: clock.drift, start_s: 0, end_s: 30, parameters: {node: client, ppm: 100}}
 criteria:
   - {name: near, stl: "always(position_error_m <= 1)"}
 )yaml",

@@ -57,6 +57,17 @@ TEST(EnvelopeRows, AreTheTypesPlaces) {
   EXPECT_THAT(Places("device.reset"), ElementsAre(" "));
 }
 
+TEST(EnvelopeRows, TheFaultIsOnTheClientOfItsPlaceholder) {
+  Scenario base = Base();
+  base.faults[1].client = "a";
+  const auto client = [&](const std::string& type) {
+    const EnvelopeRow row = EnvelopeRows(*faults::FindFaultType(type), TiltRotorSignals()).front();
+    return WithRow(base, row, TiltRotorSignals()).faults[1].client;
+  };
+  EXPECT_EQ(client("sensor.bias"), "a");
+  EXPECT_EQ(client("actuator.lag"), "") << "on the vehicle";
+}
+
 TEST(EnvelopeRows, EachRowOfEachTypeIsAValidFault) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
     for (const EnvelopeRow& row : EnvelopeRows(type, TiltRotorSignals())) {

@@ -48,6 +48,13 @@ TEST(OwnLateness, ExplainsWhatIsWithinABurst) {
   EXPECT_EQ(own.total(), (ProcessorUse{1900 * kMs, 1000 * kMs, 2, 9}));
 }
 
+// A flight that never started: times count to its end.
+TEST(OwnLateness, ExplainsTheTimeBeforeAStartThatNeverCame) {
+  const OwnLateness own(With(2, 0.95, 1000, 9000), Origin(At(10000)));
+  EXPECT_TRUE(own.Explains({-8000 * kMs, -1000 * kMs}));
+  EXPECT_FALSE(own.Explains({-800 * kMs, -100 * kMs}));
+}
+
 TEST(OwnLateness, OfWhatIsNotKnownExplainsNothing) {
   EXPECT_FALSE(OwnLateness().Explains({0, kMs}));
   EXPECT_FALSE(OwnLateness(With(2, 0.95, 0, 1000), Origin()).Explains({0, kMs}));

@@ -184,10 +184,11 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   const Lateness of_plant{.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}},
                           .disturbed = {{t0 + 20, t0 + 21}, {t0 - 5, t0 - 4}, {t0 + 3, t0 + 4}},
                           .origin = origin};
-  of_plant.WriteTo(plant, record::LateKind::kBesideFirmware, BootTime(9));
+  of_plant.WriteTo(plant, record::LateKind::kBesideFirmware);
   // Without t = 0 it is unknown when that was.
-  Lateness{.spans = {{BootTime(1), BootTime(2)}}}.WriteTo(link, record::LateKind::kBesideFirmware,
-                                                          BootTime(9));
+  const Lateness of_link{.spans = {{BootTime(1), BootTime(2)}, {BootTime(8), BootTime(11)}},
+                         .stopped = BootTime(9)};
+  of_link.WriteTo(link, record::LateKind::kBesideFirmware);
   EXPECT_EQ(collector.Missing("link"), "its last records");
   plant.Close();
   link.Close();
@@ -223,12 +224,13 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
     EXPECT_EQ(log.clients[0].counts[i].bytes_corrupted, expected.clients[0].counts[i].bytes_corrupted);
   }
   // A node that does not know t = 0 counts to the end. This is worth something only when the flight never started.
-  EXPECT_THAT(log.harness_late, ElementsAre(LateSpan{-8, -7}, LateSpan{-2, 5}, LateSpan{1, 9}));
+  EXPECT_THAT(log.harness_late,
+              ElementsAre(LateSpan{-8, -7}, LateSpan{-2, 5}, LateSpan{-1, 0}, LateSpan{1, 9}));
   EXPECT_THAT(log.board_disturbed, ElementsAre(LateSpan{3, 4}, LateSpan{20, 21}));
   RunLog counted = log;
   counted.end_reason = EndReason::kNeverStarted;
   CountLateness(counted, kNsPerMs);
-  EXPECT_EQ(counted.harness_late.size(), 3U);
+  EXPECT_EQ(counted.harness_late.size(), 4U);
   counted.end_reason = EndReason::kCompleted;
   CountLateness(counted, kNsPerMs);
   EXPECT_THAT(counted.harness_late, ElementsAre(LateSpan{-2, 5}, LateSpan{1, 9}));

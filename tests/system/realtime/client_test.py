@@ -118,6 +118,8 @@ class ClientTest(unittest.TestCase):
 
     def take_processor(self):
         """The last one, from all that have no real-time priority."""
+        if read("/proc/thread-self/schedstat").split()[2:] in ([], [b"0"]):
+            self.skipTest("this kernel does not tell how long a thread waits for a processor")
         [*_, processor] = sorted(os.sched_getaffinity(0))
         hog = subprocess.Popen([sys.executable, "-c", "while True: pass"], preexec_fn=lambda: os.sched_setaffinity(0, [processor]))
         self.addCleanup(hog.wait)
