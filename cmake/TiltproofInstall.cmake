@@ -25,7 +25,7 @@ install(DIRECTORY plant/models/ DESTINATION ${share}/models FILES_MATCHING PATTE
 install(DIRECTORY scenarios/ DESTINATION ${share}/scenarios FILES_MATCHING PATTERN *.yaml PATTERN *.json PATTERN *.sdf PATTERN *.csv)
 # Where Debian's Python looks.
 install(DIRECTORY python/tiltproof DESTINATION lib/python3/dist-packages FILES_MATCHING PATTERN *.py PATTERN py.typed PATTERN __pycache__ EXCLUDE)
-install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN nmpc/CMakeLists.txt EXCLUDE PATTERN posix_c/CMakeLists.txt EXCLUDE)
+install(DIRECTORY firmware/examples/ DESTINATION ${share}/examples PATTERN __pycache__ EXCLUDE PATTERN minimal_c/CMakeLists.txt EXCLUDE PATTERN nmpc/CMakeLists.txt EXCLUDE PATTERN posix_c/CMakeLists.txt EXCLUDE)
 
 install(FILES README.md ARCHITECTURE.md CHANGELOG.md THIRD_PARTY.md DESTINATION share/doc/tiltproof)
 install(FILES LICENSE DESTINATION share/doc/tiltproof RENAME copyright)
