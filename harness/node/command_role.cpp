@@ -73,7 +73,7 @@ class CommandRole final : public Role {
       services_.Fail(EndReason::kFirmwareLost,
                      fmt::format("the firmware's process {} (command: {})", how, command_));
     });
-    watch_.emplace(services_, scenario_, process_->child().pid());
+    watch_.emplace(services_, scenario_, process_->child().pid(), CpuWait::Of::kFamily);
     use_.emplace(services_);
   }
 

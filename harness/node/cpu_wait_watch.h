@@ -18,7 +18,7 @@ class CpuWaitWatch {
  public:
   // `held`: whether a fault of the scenario holds it just now.
   CpuWaitWatch(
-      NodeServices& services, const Scenario& scenario, pid_t pid,
+      NodeServices& services, const Scenario& scenario, pid_t pid, CpuWait::Of of = CpuWait::Of::kProcess,
       std::function<bool()> held = [] { return false; })
       : services_(services),
         look_every_ns_(scenario.link.protocol->control_period_ns),
@@ -26,7 +26,7 @@ class CpuWaitWatch {
                                                 static_cast<double>(look_every_ns_))),
         pid_(pid),
         held_(std::move(held)),
-        wait_(pid),
+        wait_(pid, of),
         timer_(services, services.clock().Now() + look_every_ns_, look_every_ns_,
                [this](BootTime now) { Look(now); }) {}
 

@@ -135,7 +135,8 @@ void EmulatedBoard::PowerOn() {
     power_on_ = steady_clock::now();
     processor_.emplace(process_->child().pid());
     hang_watch_.emplace(process_->child().pid());
-    wait_watch_.emplace(services_, scenario_, process_->child().pid(), [this] { return paused_; });
+    wait_watch_.emplace(services_, scenario_, process_->child().pid(), CpuWait::Of::kProcess,
+                        [this] { return paused_; });
   });
 }
 

@@ -47,7 +47,7 @@ bool CpuWait::IsReady(int descriptor) {
   return name_end != text.npos && name_end + 2 < text.size() && text[name_end + 2] == 'R';
 }
 
-CpuWait::CpuWait(pid_t pid) : pid_(pid) {
+CpuWait::CpuWait(pid_t pid, Of of) : pid_(pid), of_(of) {
   // A kernel that does not count has zeros there.
   const link::OwnedDescriptor own(open("/proc/thread-self/schedstat", O_RDONLY | O_CLOEXEC));
   const auto seen = Read(own.get());
@@ -57,7 +57,8 @@ CpuWait::CpuWait(pid_t pid) : pid_(pid) {
 
 void CpuWait::Look() {
   LookAt(pid_);
-  for (const pid_t child : DescendantsOf(pid_)) LookAt(child);
+  if (of_ == Of::kFamily)
+    for (const pid_t child : DescendantsOf(pid_)) LookAt(child);
 }
 
 void CpuWait::LookAt(pid_t pid) {

@@ -1,6 +1,5 @@
-// The time that a program, and all that it has started, has been ready to run while others had the processor. A busy
-// machine causes it, not the program. An emulator has no real-time priority, so the lateness of the harness's own nodes does not
-// show it.
+// The time that a program has been ready to run while others had the processor. A busy machine causes it, not the
+// program. An emulator has no real-time priority, so the lateness of the harness's own nodes does not show it.
 //
 // The program's own threads also wait for each other, briefly and often: Take() subtracts that time
 // (kOwnWaitNs) from every wait.
@@ -24,7 +23,9 @@ namespace tiltproof::harness {
 
 class CpuWait {
  public:
-  explicit CpuWait(pid_t pid);
+  // kFamily: with all processes that it has started.
+  enum class Of { kProcess, kFamily };
+  explicit CpuWait(pid_t pid, Of of = Of::kProcess);
 
   static constexpr TimeNs kOwnWaitNs = 50 * kNsPerUs;
 
@@ -56,6 +57,7 @@ class CpuWait {
   void LookAt(pid_t pid);
 
   pid_t pid_;
+  Of of_;
   bool counts_ = false;                    // the kernel
   std::map<std::string, Thread> threads_;  // by id
   int calls_count_ = 0;

@@ -147,7 +147,7 @@ TEST(CpuWaitTest, ProcessesThatAProgramHasStartedCount) {
   EXPECT_EQ(DescendantsOf(shell).size(), 2U);
   // The shell itself waits for nothing now.
   kill(shell, SIGSTOP);
-  CpuWait wait(shell);
+  CpuWait wait(shell, CpuWait::Of::kFamily);
   TimeNs waited_ns = 0;
   for (int looks = 0; waited_ns < 10 * kNsPerMs && looks < kLooksMax; ++looks) {
     Pause();
