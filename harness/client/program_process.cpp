@@ -316,7 +316,7 @@ std::optional<ProgramMessage> ProgramProcess::FindRefusal() {
     while (const auto message = reader_.Next())
       if (message->kind == ProgramMessage::Kind::kRefused) return message;
   } catch (const BrokenProtocol&) {
-    // Then that is what is told.
+    // The broken message is reported instead.
   }
   return std::nullopt;
 }
