@@ -22,6 +22,7 @@ enum {
   kReplyBytes = 1 + 3 * 4 + 8 * 2,
   kCommandBytes = 1 + 2 * 2 + 2 * 4,
   kAlphaCount = 2,
+  kHandlersCount = 256, /* an index of one byte names a function or none, and never what lies behind the table */
 
   kStart = 1,
   kRequest = 2,
@@ -32,19 +33,21 @@ enum {
 static const int64_t kPeriodNs = 12000000;
 static const float kWeight = 10.275f; /* N, of each rotor at hover */
 
-/* The order of the members decides what an overrun meets. */
+/* The order of the members decides what an overrun meets: an index first, so that a crash depends on no address. */
 struct TiltproofClient {
+  const TiltproofHost* host;
   int64_t next_request_ns;
   bool waiting; /* for the reply to the last request */
   bool has_reply;
   bool too_long;
   bool damaged; /* the last frame was: only in the variant with that defect */
   float thrust_n;
+  size_t count; /* of content */
   uint8_t decoded[kDecodedBytesMax];
   uint8_t handler;                   /* in kHandlers */
   uint8_t content[kContentBytesMax]; /* since the last 00 */
-  const TiltproofHost* host;
-  size_t count; /* of content */
+  uint8_t answer;                    /* in kAnswers */
+  uint8_t log[4096];                 /* what else a firmware holds */
 };
 
 /* ------------------------------------------------------------------------------------------------------ frames */
@@ -143,7 +146,7 @@ static void TakeReply(TiltproofClient* client, const uint8_t* payload, size_t co
   client->waiting = false;
 }
 
-static void (*const kHandlers[])(TiltproofClient*, const uint8_t*, size_t) = {NULL, TakeReply};
+static void (*const kHandlers[kHandlersCount])(TiltproofClient*, const uint8_t*, size_t) = {[1] = TakeReply};
 
 static void TakeFrame(TiltproofClient* client) {
   if (client->too_long || client->count == 0) return;
@@ -200,6 +203,8 @@ static void Answer(TiltproofClient* client, int64_t now_ns) {
   Send(client, now_ns, message, sizeof(message)); /* torques of 0 are zeros */
 }
 
+static void (*const kAnswers[kHandlersCount])(TiltproofClient*, int64_t) = {[1] = Answer};
+
 uint32_t tiltproof_client_abi_version(void) { return TILTPROOF_CLIENT_ABI_VERSION; }
 
 TiltproofClient* tiltproof_client_create(const TiltproofHost* host) {
@@ -214,6 +219,7 @@ void tiltproof_client_destroy(TiltproofClient* client) { free(client); }
 
 int64_t tiltproof_client_start(TiltproofClient* client, int64_t now_ns) {
   client->handler = 1;
+  client->answer = 1;
   const uint8_t start = kStart;
   client->next_request_ns = Send(client, now_ns, &start, 1);
   return tiltproof_client_grant(client, now_ns);
@@ -229,7 +235,7 @@ void tiltproof_client_receive(TiltproofClient* client, int uart, int64_t now_ns,
 int64_t tiltproof_client_grant(TiltproofClient* client, int64_t now_ns) {
   if (client->has_reply) {
     client->has_reply = false;
-    Answer(client, now_ns);
+    kAnswers[client->answer](client, now_ns);
   }
   if (now_ns >= client->next_request_ns) {
     client->next_request_ns += kPeriodNs;

@@ -883,6 +883,8 @@ check("a run is shown while it is flown, and obeys its buttons", async () => {
     await other.close();
     await page.click("button.start");
     await page.waitForSelector("#plot-position canvas", { timeout: 60000 });
+    // Figures are there before the flight begins, and until then it refuses every fault.
+    await page.waitForFunction(() => document.querySelector("progress").value > 0.5, null, { timeout: 60000 });
     await page.fill(".controls textarea", "{type: frame.dorp, target: to_client}");
     await page.click("button.inject");
     await page.waitForSelector(".said.refused >> text=frame.drop");
