@@ -66,9 +66,7 @@ void LqrApplication::Receive(Uart uart, std::span<const std::uint8_t> bytes) {
     if (is_main) {
       Accept(message);
     } else {
-      Reference reference = reference_.value_or(Reference{});
-      ReadReference(protocol_, message, reference);
-      reference_ = reference;
+      ReadReference(protocol_, message, reference_);
     }
   }
 }
@@ -173,23 +171,32 @@ void LqrApplication::Accept(const link::Message& message) {
   has_states_ = true;
 }
 
+void LqrApplication::HoldPlace(std::span<const float> sensed) {
+  const auto hold = [](float& reference, float place) {
+    if (std::isnan(reference)) reference = place;
+  };
+  hold(reference_.x_m, sensed[0]);
+  hold(reference_.y_m, sensed[1]);
+  hold(reference_.z_m, sensed[2]);
+  hold(reference_.yaw_rad, sensed[5]);
+}
+
 void LqrApplication::Answer(TimeNs now) {
   has_states_ = false;
   if (ready_ns_) return;
   const std::array<float, kLqrSensedMax> states = sensors_.States();
   const std::span<const float> sensed(states.data(), table_.sensed_count());
-  if (!reference_)
-    reference_ = Reference{.x_m = sensed[0], .y_m = sensed[1], .z_m = sensed[2], .yaw_rad = sensed[5]};
+  HoldPlace(sensed);
   const std::span<float> inputs(command_.data(), table_.input_count);
   ready_ns_ = now;
   if (law_ == nullptr) {
-    own_law_.Step(sensed, *reference_, inputs);
+    own_law_.Step(sensed, reference_, inputs);
   } else {
     const bool asks = pace_ == nullptr;
     const ControlPeriod period = {.requested = asks ? requested_ns_ : now,
                                   .now = now,
                                   .deadline = asks ? next_period_ns_ : now + period_ns_};
-    ready_ns_ = law_->Step(period, sensed, *reference_, inputs);
+    ready_ns_ = law_->Step(period, sensed, reference_, inputs);
   }
   if (*ready_ns_ <= now) SendCommand(now);
 }

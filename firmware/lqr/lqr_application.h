@@ -21,6 +21,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -88,6 +89,8 @@ class LqrApplication {
   void BeginPeriod(TimeNs now);
   bool IsNew(const link::Message& message);
   void Accept(const link::Message& message);
+  // What no reference has said: the place of the first reply.
+  void HoldPlace(std::span<const float> sensed);
   void Answer(TimeNs now);
   void SendCommand(TimeNs now);
   std::size_t PlaceOf(const link::MessageType& type) const {
@@ -109,7 +112,8 @@ class LqrApplication {
       nullptr;  // the message of the server's own that is answered; null: replies are
   std::int64_t paces_per_period_ = 1, pace_count_ = 0;
   std::vector<bool> awaited_;           // by message type: the replies that this period lacks
-  std::optional<Reference> reference_;  // the last one received; before that, the place of the first reply
+  // The last one received. NaN: not received, and no place held.
+  Reference reference_ = {.x_m = NAN, .y_m = NAN, .z_m = NAN, .yaw_rad = NAN};
   bool has_states_ = false;             // all of this period, not answered
   std::array<float, kLqrInputsMax> command_{};
   std::optional<TimeNs> ready_ns_;  // of `command_`, which is being computed

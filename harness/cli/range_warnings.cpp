@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <optional>
 
+#include "harness/protocol/line_load.h"
 #include "harness/reference/trajectory.h"
 #include "harness/scenario/protocol_file.h"
 
@@ -21,6 +22,26 @@ std::string OutcomeText(const BeyondRange& beyond) {
   if (beyond.refused) return "the receiver refuses the message; widen the field's `min` and `max`";
   return fmt::format("it is sent as {:.6g}; raise the field's `scale`, or take a larger type",
                      std::clamp(beyond.value, beyond.carried.low, beyond.carried.high));
+}
+
+// The directions of lines that carry less than the protocol sends.
+std::vector<std::string> SlowLines(const Scenario& scenario) {
+  std::vector<std::string> warnings;
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const double period_ms = static_cast<double>(protocol.control_period_ns) / kNsPerMs;
+  for (const link::Direction direction : link::kDirections) {
+    const bool is_reference = direction == link::Direction::kReference;
+    const link::LineRate rate = is_reference ? scenario.link.reference_rate() : scenario.link.main_rate();
+    if (rate.baud == 0) continue;
+    const double time_ms = LineTime_s(LineLoadOf(protocol, direction).bytes, rate) * 1e3;
+    if (time_ms <= period_ms) continue;
+    warnings.push_back(fmt::format(
+        "{}: at {} baud the messages {} of the protocol '{}' take {:.4g} ms, longer than its control period of "
+        "{:g} ms: raise `{}`, or send less",
+        scenario.link_place, rate.baud, Name(direction), protocol.name, time_ms, period_ms,
+        is_reference ? "reference_baud" : "baud"));
+  }
+  return warnings;
 }
 
 }  // namespace
@@ -57,6 +78,13 @@ std::vector<std::string> RangeWarnings(const Scenario& scenario, const plant::Ve
                     RangeText(beyond, FieldPlace(scenario.protocol_file, *beyond.message, *beyond.field)),
                     OutcomeText(beyond)));
   }
+  if (const std::vector<std::string> unheard = UnheardReference(scenario); !unheard.empty())
+    warnings.push_back(fmt::format(
+        "{}: reference: it changes {}, and no reference message of the protocol '{}' carries that: a firmware "
+        "does not hear of it",
+        scenario.reference_place, fmt::join(unheard, " and "), scenario.link.protocol->name));
+  const std::vector<std::string> slow = SlowLines(scenario);
+  warnings.insert(warnings.end(), slow.begin(), slow.end());
   return warnings;
 }
 

@@ -1,4 +1,4 @@
-// Warnings about values that a protocol's fields cannot carry, each in one line with its place and the fix.
+// Warnings about what a protocol or its lines cannot carry, each in one line with its place and the fix.
 #pragma once
 
 #include <string>
@@ -19,7 +19,7 @@ std::vector<std::string> HoverWarnings(const link::Protocol& protocol,
                                        const std::filesystem::path& protocol_file,
                                        const plant::VehicleModel& model);
 
-// These, and what the scenario's reference and start ask of the protocol.
+// These, what the scenario's reference and start ask of the protocol, and lines that are too slow for it.
 std::vector<std::string> RangeWarnings(const Scenario& scenario, const plant::VehicleModel& model);
 
 }  // namespace tiltproof::harness

@@ -138,6 +138,7 @@ class ProgramClient final : public CalledClient {
     const BootTime when = clock().When(std::max<TimeNs>(message.time_ns, 0));
     switch (message.kind) {
       case ProgramMessage::Kind::kTransmit: {
+        has_sent_ = true;
         const BootTime sent = host().transmit(static_cast<Uart>(message.number), when, message.bytes);
         if (!message.ask) return;
         std::vector<std::uint8_t> answer;
@@ -184,6 +185,10 @@ class ProgramClient final : public CalledClient {
       // A refusal by the virtual clock may end the program in the middle of anything.
       if (spec_.clocked)
         if (const auto refusal = process_->FindRefusal()) ThrowRefused(*refusal);
+      // A wrong option or a missing module: there was no firmware to judge.
+      if (spec_.clocked && !has_sent_ && process_->has_exited())
+        throw std::runtime_error(fmt::format("{}: before it sent a byte on its ports, {}", spec_.name,
+                                             Explained(trouble).what()));
       throw trouble.hung ? trouble : Explained(trouble);
     } catch (...) {
       lost_ = true;
@@ -210,6 +215,7 @@ class ProgramClient final : public CalledClient {
   bool tells_status_ = false;
   ClientStatus status_;
   std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none
+  bool has_sent_ = false;              // a byte, in this flight
   bool lost_ = false;
   bool over_ = false;
   std::unique_ptr<ProgramProcess> process_;

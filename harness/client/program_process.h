@@ -73,6 +73,12 @@ class ProgramProcess {
   // A message of the kind kRefused, in what it has sent and was not taken; after a FirmwareTrouble.
   std::optional<ProgramMessage> FindRefusal();
 
+  // True: it has ended by itself, and no signal ended it.
+  bool has_exited() const {
+    bool crashed = false;
+    return HowEnded(crashed) && !crashed;
+  }
+
   // Waits until it has ended of its own accord. Nullopt: it did, with code 0. Otherwise what it did instead.
   std::optional<FirmwareTrouble> AwaitEnd();
 

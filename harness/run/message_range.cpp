@@ -1,8 +1,11 @@
 #include "harness/run/message_range.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <optional>
 #include <string_view>
@@ -70,13 +73,6 @@ class WorstValues {
     CarriedRange carried;
   };
 
-  // A receiver judges what the sender's type made of the value.
-  static bool IsRefused(const MessageField& field, double value) {
-    const double sent = std::clamp(value, field.scale * link::LeastNumber(field.type),
-                                   field.scale * link::LargestNumber(field.type));
-    return sent < field.min || sent > field.max;
-  }
-
   const MessageType* type_;
   std::vector<Watched> watched_;
   std::vector<BeyondRange> worst_;
@@ -108,7 +104,30 @@ class StateRow {
   std::vector<std::optional<std::size_t>> places_;
 };
 
+// Calls `take(time_ns, point)` for each control period in which the reference changes: of a long flight, for 20 000 of them,
+// because a flight of hours shall cost no more than one of minutes.
+template <class Take>
+void ForEachPoint(const Scenario& scenario, const Take& take) {
+  const Trajectory trajectory(scenario.reference);
+  std::optional<ReferencePoint> last;
+  constexpr std::int64_t kTimesMax = 20'000;
+  const TimeNs period_ns = scenario.link.protocol->control_period_ns;
+  const TimeNs stride_ns = period_ns * (1 + scenario.duration_ns / period_ns / kTimesMax);
+  for (TimeNs time_ns = 0; time_ns <= scenario.duration_ns; time_ns += stride_ns) {
+    const ReferencePoint point = trajectory.At(time_ns);
+    if (point == last) continue;
+    last = point;
+    take(time_ns, point);
+  }
+}
+
 }  // namespace
+
+bool IsRefused(const MessageField& field, double value) {
+  const double sent = std::clamp(value, field.scale * link::LeastNumber(field.type),
+                                 field.scale * link::LargestNumber(field.type));
+  return sent < field.min || sent > field.max;
+}
 
 CarriedRange CarriedRangeOf(const MessageField& field) {
   return {std::max(field.min, field.scale * link::LeastNumber(field.type)),
@@ -138,24 +157,74 @@ std::vector<BeyondRange> PathBeyondRange(const Scenario& scenario, const Vehicle
   };
   StateRow state(vehicle.sensors);
   take(&state.With(scenario.initial_position_m, {}, scenario.initial_attitude_rad), nullptr, 0, true);
-  const Trajectory trajectory(scenario.reference);
-  std::optional<ReferencePoint> last;
-  // A flight of hours costs no more than one of minutes.
-  constexpr std::int64_t kTimesMax = 20'000;
-  const TimeNs period_ns = protocol.control_period_ns;
-  const TimeNs stride_ns = period_ns * (1 + scenario.duration_ns / period_ns / kTimesMax);
-  for (TimeNs time_ns = 0; time_ns <= scenario.duration_ns; time_ns += stride_ns) {
-    const ReferencePoint point = trajectory.At(time_ns);
-    if (point == last) continue;
-    last = point;
+  ForEachPoint(scenario, [&](TimeNs time_ns, const ReferencePoint& point) {
     const std::vector<double> reference = ToRow(point);
     const std::vector<double>& on_path =
         state.With(point.position_m, point.velocity_m_s, {0, 0, point.yaw_rad});
     take(scenario.held ? nullptr : &on_path, &reference, time_ns, false);
-  }
+  });
   std::vector<BeyondRange> all;
   for (const Checked& each : checked) each.worst.AppendTo(all);
   return all;
+}
+
+std::vector<std::string> UnheardReference(const Scenario& scenario) {
+  const link::Protocol& protocol = *scenario.link.protocol;
+  const bool is_ned = protocol.world == link::WorldAxes::kNed;
+  const std::array<std::string_view, 4> names = {is_ned ? "y_m" : "x_m", is_ned ? "x_m" : "y_m", "z_m",
+                                                 "yaw_rad"};
+  const auto is_carried = [&](std::string_view name) {
+    return std::any_of(protocol.messages.begin(), protocol.messages.end(), [&](const MessageType& type) {
+      return type.direction == link::Direction::kReference &&
+             std::any_of(type.fields.begin(), type.fields.end(),
+                         [&](const MessageField& field) { return field.signal == name; });
+    });
+  };
+  constexpr double kChange = 1e-6;  // m or rad
+  std::array<bool, 4> changes{};
+  ForEachPoint(scenario, [&](TimeNs, const ReferencePoint& point) {
+    for (std::size_t i = 0; i < 3; ++i)
+      changes[i] |= std::abs(point.position_m[i] - scenario.initial_position_m[i]) > kChange;
+    changes[3] |= std::abs(std::remainder(point.yaw_rad - scenario.initial_attitude_rad[2],
+                                          2 * std::numbers::pi)) > kChange;
+  });
+  std::vector<std::string> unheard;
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (changes[i] && !is_carried(names[i])) unheard.emplace_back(names[i]);
+  return unheard;
+}
+
+RangeWatch::RangeWatch(const link::Protocol& protocol)
+    : protocol_(protocol), watched_(protocol.messages.size()) {
+  for (std::size_t message = 0; message < watched_.size(); ++message)
+    for (std::size_t i = 0; i < protocol.messages[message].fields.size(); ++i) {
+      const MessageField& field = protocol.messages[message].fields[i];
+      if (field.content == link::FieldContent::kSignal &&
+          (IsRefused(field, std::numeric_limits<double>::max()) ||
+           IsRefused(field, std::numeric_limits<double>::lowest())))
+        watched_[message].push_back(i);
+    }
+}
+
+std::vector<std::string> RangeWatch::Look(const MessageType& message, std::span<const double> sent,
+                                          const std::function<std::vector<double>()>& true_values) {
+  std::vector<std::size_t>& watched =
+      watched_.at(static_cast<std::size_t>(&message - protocol_.messages.data()));
+  const auto is_refused = [&](std::span<const double> values, std::size_t i) {
+    return IsRefused(message.fields[i], values[i]);
+  };
+  if (std::none_of(watched.begin(), watched.end(), [&](std::size_t i) { return is_refused(sent, i); }))
+    return {};
+  const std::vector<double> values = true_values();
+  std::vector<std::string> beyond;
+  std::erase_if(watched, [&](std::size_t i) {
+    if (!is_refused(sent, i) || !is_refused(values, i)) return false;
+    const MessageField& field = message.fields[i];
+    beyond.push_back(fmt::format("{} = {:.6g}, beyond the range {:.6g} to {:.6g}", field.signal, sent[i],
+                                 field.min, field.max));
+    return true;
+  });
+  return beyond;
 }
 
 std::vector<BeyondRange> HoverBeyondRange(const link::Protocol& protocol, const VehicleSignals& vehicle,

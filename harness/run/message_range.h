@@ -6,8 +6,11 @@
 //     Warn(beyond.field->signal, beyond.value, beyond.carried.high);
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "harness/scenario/scenario.h"
@@ -21,6 +24,9 @@ struct CarriedRange {
   double low = 0, high = 0;
 };
 CarriedRange CarriedRangeOf(const link::MessageField& field);
+
+// True if the receiver of a message refuses it for this value, which the sender's type may have made smaller.
+bool IsRefused(const link::MessageField& field, double value);
 
 struct BeyondRange {
   const link::MessageType* message = nullptr;  // of the protocol
@@ -37,6 +43,26 @@ struct BeyondRange {
 // count. The times are those of the references, one in each control period; of a long flight, 20 000 of them. The protocol
 // must suit the vehicle. Throws ReferenceError.
 std::vector<BeyondRange> PathBeyondRange(const Scenario& scenario, const VehicleSignals& vehicle);
+
+// Positions and the heading that the scenario's reference changes and that no reference message carries, by their names in
+// the protocol: a firmware cannot hear of them. Throws ReferenceError.
+std::vector<std::string> UnheardReference(const Scenario& scenario);
+
+// The ranges of the messages that the server sends, while it sends them.
+class RangeWatch {
+ public:
+  explicit RangeWatch(const link::Protocol& protocol);
+
+  // What a client may refuse in `sent`, values of the message, though `true_values`, those without faults of sensors, have
+  // it, too: "z_m = 10.2, beyond the range -10 to 10". Each field once; empty: nothing new. `true_values` is called only
+  // when `sent` has a value that a client may refuse.
+  std::vector<std::string> Look(const link::MessageType& message, std::span<const double> sent,
+                                const std::function<std::vector<double>()>& true_values);
+
+ private:
+  const link::Protocol& protocol_;
+  std::vector<std::vector<std::size_t>> watched_;  // by message: fields whose range is narrower than their type
+};
 
 // Fields of actuator messages that cannot carry the inputs of hover, `hover`, in the order of vehicle.inputs.
 std::vector<BeyondRange> HoverBeyondRange(const link::Protocol& protocol, const VehicleSignals& vehicle,

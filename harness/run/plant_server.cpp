@@ -1,5 +1,7 @@
 #include "harness/run/plant_server.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <limits>
@@ -78,6 +80,7 @@ LocalPlantServer::LocalPlantServer(const Scenario& scenario, const plant::Vehicl
       protocol_(*scenario.link.protocol),
       period_message_(protocol_.PeriodMessage()),
       answers_early_(AnswersBeforeStart(protocol_)),
+      ranges_(protocol_),
       arbiter_(scenario, {model.HoverInput(), model.InputMin(), model.InputMax()}),
       sink_(sink),
       hover_input_(model.HoverInput()),
@@ -165,6 +168,10 @@ void LocalPlantServer::SampleFor(std::size_t client, BootTime now) {
 std::vector<std::uint8_t> LocalPlantServer::FrameFor(std::size_t client, BootTime now,
                                                      const MessageBinding& message) {
   std::vector<double> values = message.Values(clients_[client].sensed);
+  const auto true_values = [&] { return message.Values(readings_); };
+  for (std::string& beyond : ranges_.Look(message.type(), values, true_values))
+    AddEvent(state_.started() ? SimTime(now) : 0, kBeyondRangeSentEvent,
+             fmt::format("the message '{}' carries {}", message.type().name, beyond), client);
   clients_[client].stamps.Write(message.type(), now, values);
   return protocol_.framing->Encode(protocol_.Encode(message.type(), values).span());
 }

@@ -41,6 +41,7 @@
 #include "harness/run/line.h"
 #include "harness/run/message_binding.h"
 #include "harness/run/message_order.h"
+#include "harness/run/message_range.h"
 #include "harness/run/message_receiver.h"
 #include "harness/run/record.h"
 #include "harness/run/run_log.h"
@@ -170,6 +171,7 @@ class LocalPlantServer final : public PlantServer {
   const bool answers_early_;
   std::vector<MessageBinding> bindings_;  // one per message of the protocol
   std::vector<OwnMessage> own_messages_;
+  RangeWatch ranges_;
   OriginFinder origin_;
   Arbiter arbiter_;
   std::vector<ClientPart> clients_;  // one for each client

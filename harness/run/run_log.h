@@ -54,10 +54,12 @@ struct RunEvent {
   std::optional<std::size_t> client = {};  // place in the scenario of the event's client; none: the flight's
   TILTPROOF_FIELDS(time_ns, kind, text, client)
 };
-// Kinds of events: the first command refused, the first malformed frame, and each repeated start of a firmware.
+// Kinds of events: the first command refused, the first malformed frame, each repeated start of a firmware, and the first
+// value of a field that the vehicle has and that the protocol's receiver refuses.
 inline constexpr const char* kCommandRefusedEvent = "command_refused";
 inline constexpr const char* kMalformedSentEvent = "malformed_sent";
 inline constexpr const char* kStartRepeatedEvent = "start_repeated";
+inline constexpr const char* kBeyondRangeSentEvent = "beyond_range_sent";
 
 // A reboot of the firmware.
 struct Restart {

@@ -208,7 +208,7 @@ struct Scenario {
   std::vector<std::string> watch_places;  // "file:line:column" of each, when read from a file
   std::vector<std::string> line_places;   // "file:line:column" of each line's id, likewise
   // "file:line:column" of these keys, or of what stands for them, when read from a file.
-  std::string reference_place, initial_place, arbiter_place;
+  std::string reference_place, initial_place, arbiter_place, link_place;
   std::filesystem::path protocol_file;  // empty: the protocol is a shipped one, or in this file
 
   // As written; empty: one, whose id is kOnlyClient.

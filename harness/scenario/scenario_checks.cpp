@@ -49,6 +49,7 @@ class Checker : ScenarioCheck {
   void Run() {
     scenario_.reference_place = PlaceInFile("reference");
     scenario_.initial_place = PlaceInFile("initial");
+    scenario_.link_place = PlaceInFile("link");
     ReadProtocol();
     CheckPeriod();
     CheckAdapter();

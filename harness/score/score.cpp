@@ -356,8 +356,16 @@ std::string Expectation(Verdict expected) {
                                               : "the flight was expected to end in an error";
 }
 
+// Text on a message that a client may refuse, sent before a failure: it may be the cause. Empty: there is none.
+std::string BeyondRange(const RunLog& log, std::optional<double> failed_s) {
+  const auto sent = std::ranges::find(log.events, kBeyondRangeSentEvent, &RunEvent::kind);
+  if (sent == log.events.end() || !failed_s || ToSeconds(sent->time_ns) > *failed_s) return "";
+  return "; before," + AtTime(ToSeconds(sent->time_ns)) + ", " + sent->text +
+         ": a client may refuse it; widen the field's `min` and `max` if the vehicle may go there";
+}
+
 // The verdict, and of all criteria that gave it the one that did so first.
-void Conclude(Score& score, Verdict expected) {
+void Conclude(Score& score, const RunLog& log, Verdict expected) {
   score.verdict = Verdict::kPass;
   for (const auto& criterion : score.criteria) score.verdict = std::max(score.verdict, criterion.verdict);
   for (const auto& fault : score.faults)
@@ -376,6 +384,7 @@ void Conclude(Score& score, Verdict expected) {
   if (first != nullptr) {
     score.cause = score.verdict == Verdict::kError ? VerdictCause::kHarness : VerdictCause::kCriterion;
     score.reason = first->name + ": " + first->explanation;
+    if (score.verdict == Verdict::kFail) score.reason += BeyondRange(log, first->time_s);
     return;
   }
   for (const auto& fault : score.faults)
@@ -553,7 +562,7 @@ Score ScoreRun(const Scenario& scenario, const RunLog& log, const ScoreOptions& 
   for (const CriterionSpec& spec : scenario.criteria)
     if (is_judged(spec)) score.criteria.push_back(JudgeCriterion(spec, scenario, metrics, log, options));
   if (!options.only) AddHistograms(scenario, log, score);
-  Conclude(score, scenario.expected());
+  Conclude(score, log, scenario.expected());
   DoubtForLateness(score, scenario, log);
   return score;
 }

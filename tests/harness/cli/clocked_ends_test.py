@@ -18,6 +18,8 @@ elif way == "sends":
     os.kill(os.getpid(), signal.SIGSEGV)
 elif way == "stops":
     os.kill(os.getpid(), signal.SIGSTOP)
+elif way == "quits":
+    sys.exit("no such option: --fast")
 elif way == "listens":
     udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     udp.bind(("127.0.0.1", 0))
@@ -47,6 +49,14 @@ class ClockedEndsTest(ProgramFlights):
         code, text, results = self.flown("crash.yaml", client=self.client("sends"))
         self.assertEqual((code, results["crash"]["verdict"], results["crash"]["outcome"]), (1, "fail", "crashed"), text)
         self.assertIn("the firmware crashed in grant: Segmentation fault", results["crash"]["reason"])
+
+    def test_a_program_that_ends_before_it_sends_a_byte_is_no_firmware(self):
+        # Also where a failure is expected: none of a firmware was seen.
+        self.scenario("quits", **{"duration_s: 0.6": "duration_s: 0.6\nexpect: fail"})
+        code, text, results = self.flown("quits.yaml", client=self.client("quits"))
+        self.assertEqual((code, results["quits"]["verdict"]), (3, "error"), text)
+        self.assertIn("before it sent a byte on its ports, the firmware exited with code 1 in grant; it printed last: no such option: --fast",
+                      results["quits"]["reason"])
 
     def test_a_network_socket_does_not_hold_up_the_flight(self):
         self.scenario("listens")

@@ -4,6 +4,7 @@ import csv
 import json
 import math
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import unittest
 from command_line import CommandLineTest
 
 SOURCE = pathlib.Path(sys.argv[2]).resolve()
+PAPER = (SOURCE / "link/protocols/paper.yaml").read_text()
 MINIMAL = pathlib.Path(sys.argv[1]).resolve().parent / "lib/minimal_firmware.so"
 HIT = "<collision name='c'><geometry><box><size>0.1 0.1 0.1</size></box></geometry></collision>"
 
@@ -216,6 +218,38 @@ faults:
             self.assertIn("no-yaw.yaml: firmware: lqr: ", err)
             self.assertIn("its inputs cannot control yaw_rad", err)
         self.assertIn("cannot control yaw_rad", self.tiltproof("design-lqr", "quad.sdf")[2])
+
+    def protocol(self, name, *changes):
+        text = re.sub(r"      - {signal: (alpha|tau)_.*\n", "", PAPER.replace("protocol: paper", f"protocol: {name}"))
+        inputs = "".join(f"      - {{signal: f_m{i}_n, type: f32}}\n" for i in range(4))
+        text = re.sub("(      - {signal: f_._n, type: f32}\n)+", inputs, text)
+        for old, new in changes:
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        (self.folder / f"{name}.yaml").write_text(text)
+        return f"link: {{protocol: {name}.yaml}}\n"
+
+    def test_what_no_reference_message_carries_is_held_and_said(self):
+        level = self.protocol("level", ("      - {signal: z_m, type: f32}\n      - {signal: yaw_rad, type: f32}\n      - {signal: vx_m_s", "      - {signal: vx_m_s"))
+        self.flight("holds", reference="{type: circle, radius_m: 0.5, period_s: 8, start_m: [0.5, 0, 2]}", bound=1.5, more=level)
+        self.flight("climbs", reference="{type: hover, at_m: [0, 0, 4]}", bound=3, more="initial: {position_m: [0, 0, 2]}\n" + level)
+        code, text = self.fly("holds", "climbs")
+        self.assertEqual(code, 0, text)
+        self.assertNotIn("holds.yaml:", text)
+        self.assertIn("warning: climbs.yaml:5:12: reference: it changes z_m, and no reference message of the protocol 'level' carries that: "
+                      "a firmware does not hear of it", text)
+        self.assertTrue(all(abs(float(row["z_m"]) - 2) < 0.05 for row in self.trace("climbs")))
+
+    def test_a_vehicle_that_leaves_the_range_of_a_field_is_named_beside_the_failure(self):
+        level = self.protocol("level", ("{signal: roll_rad, type: f32}", "{signal: roll_rad, type: f32, min: -0.2, max: 0.2}"))
+        push = "faults: [{id: up, type: plant.thrust, start_s: 1, end_s: 1.2, parameters: {rotor: m0, factor: 0.3}}]\n"
+        self.flight("pushed", duration=8, more=level + push)
+        self.flight("pushed-far", duration=8, bound=5, more=push)
+        code, text = self.fly("pushed", "pushed-far")
+        self.assertEqual(code, 1, text)
+        self.assertRegex(text, r"before, at 1\.\d+ s, the message 'reply' carries roll_rad = -?0\.2\d*, beyond the range -0\.2 to 0\.2: a client may refuse it; "
+                               r"widen the field's `min` and `max` if the vehicle may go there")
+        self.assertEqual([result["verdict"] for result in self.results()["scenarios"]], ["fail", "pass"])
 
     def test_other_builds_and_protocols_are_refused_with_the_place(self):
         self.flight("paper")

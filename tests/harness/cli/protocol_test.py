@@ -109,6 +109,17 @@ class ProtocolTest(CommandLineTest):
                       f"({self.folder}/mine.yaml{place}): it is sent as 3.2767", err)
         self.assertNotIn("warning", self.tiltproof("check", "within.yaml", "--client", "serial:/dev/null,/dev/null")[2])
 
+    def test_a_line_that_is_too_slow_is_a_warning_with_its_place(self):
+        # From the server in each period of 12 ms: two flags, 64 bytes and a check of two, in characters of 10 bits.
+        line = "link: {protocol: mine.yaml, baud: 56000}\n"
+        self.scenario("slow", SHORT_HOVER + line)
+        self.scenario("fast", SHORT_HOVER + line.replace("56000", "115200"))
+        code, out, err = self.tiltproof("check", "slow.yaml")
+        self.assertEqual(code, 0, out + err)
+        self.assertRegex(err, r"warning: slow\.yaml:7:7: at 56000 baud the messages to_client of the protocol 'mine' take 12\.\d+ ms, "
+                              r"longer than its control period of 12 ms: raise `baud`, or send less\n")
+        self.assertNotIn("warning", self.tiltproof("check", "fast.yaml")[2])
+
     def test_the_shipped_firmware_speaks_only_shipped_protocols(self):
         (self.folder / "mine.yaml").write_text(MINE.replace("fletcher16", "crc16_ibm_sdlc"))
         self.scenario("hover", SHORT_HOVER + "link: {protocol: mine.yaml}\n")

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <random>
@@ -109,6 +110,48 @@ TEST(MessageRange, EqualsWhatTheReceiverGets) {
   }
   EXPECT_GT(beyond_count, 300);
   EXPECT_GT(within_count, 300);
+}
+
+// Each signal of the reference that changes and has no field, in the protocol's axes: in NED the vehicle's x is its y.
+TEST(MessageRange, WhatNoReferenceMessageCarriesIsNamed) {
+  const auto unheard = [](const std::vector<std::string>& carried, std::array<double, 3> at_m, double yaw_rad,
+                          link::WorldAxes world = link::WorldAxes::kEnu) {
+    std::vector<MessageField> fields;
+    for (const std::string& signal : carried) fields.push_back(Field(signal, NumberType::kF32, 1));
+    Scenario scenario = ScenarioWith(fields);
+    link::Protocol protocol = *scenario.link.protocol;
+    protocol.world = world;
+    scenario.link.protocol = std::make_shared<link::Protocol>(protocol);
+    scenario.initial_position_m = {0, 0, 2};
+    scenario.reference.path = HoverReference{.at_m = at_m, .yaw_rad = yaw_rad};
+    return UnheardReference(scenario);
+  };
+  using Names = std::vector<std::string>;
+  EXPECT_EQ(unheard({}, {0, 0, 2}, 0), Names());
+  EXPECT_EQ(unheard({}, {0, 0, 2}, 4 * std::acos(-1.0)), Names());
+  EXPECT_EQ(unheard({"x_m", "y_m"}, {1, 1, 3}, 0.5), (Names{"z_m", "yaw_rad"}));
+  EXPECT_EQ(unheard({"x_m", "z_m"}, {1, 0, 3}, 0), Names());
+  EXPECT_EQ(unheard({"x_m", "z_m"}, {1, 0, 3}, 0, link::WorldAxes::kNed), Names{"y_m"});
+  EXPECT_EQ(unheard({}, {1, 2, 2}, 0), (Names{"x_m", "y_m"}));
+}
+
+// What a fault of a sensor makes of a value is the fault's, and what the vehicle does is the range's.
+TEST(MessageRange, AFieldIsNamedOnceWhenTheVehicleItselfLeavesItsRange) {
+  MessageField height = Field("z_m", NumberType::kI16, 0.01), speed = Field("vz_m_s", NumberType::kF32, 1);
+  height.min = -10;
+  height.max = 10;
+  const Scenario scenario = ScenarioWith({}, {speed, height});
+  const link::Protocol& protocol = *scenario.link.protocol;
+  RangeWatch watch(protocol);
+  const auto look = [&](std::vector<double> sent, std::vector<double> true_values) {
+    return watch.Look(protocol.messages[1], sent, [&] { return true_values; });
+  };
+  using Texts = std::vector<std::string>;
+  EXPECT_EQ(look({1e30, 10}, {1e30, 10}), Texts());
+  EXPECT_EQ(look({0, 12}, {0, 9}), Texts());
+  EXPECT_EQ(look({0, 9}, {0, 12}), Texts());
+  EXPECT_EQ(look({0, 12}, {0, 11}), Texts{"z_m = 12, beyond the range -10 to 10"});
+  EXPECT_EQ(look({0, -11}, {0, -11}), Texts());
 }
 
 TEST(MessageRange, TheWorstOfAPathHasItsTime) {
