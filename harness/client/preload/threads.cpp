@@ -366,11 +366,12 @@ struct Start {
 
 void* RunThread(void* raw) {
   const Start start = *static_cast<Start*>(raw);
-  std::free(raw);
   self = start.thread;
   __atomic_store_n(&self->tid, static_cast<int>(Kernel(SYS_gettid)), __ATOMIC_RELEASE);
   AwaitTurn(*self);
   AfterDeparture();
+  // In its turn: the first use of the heap in a thread may ask the system how many processors there are.
+  std::free(raw);
   GiveWay(*self);
   return start.function(start.argument);
 }

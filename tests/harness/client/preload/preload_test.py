@@ -102,6 +102,9 @@ class Threads(unittest.TestCase):
         self.assertEqual(sorted(int(words[1]) for words in order), [0, 0, 1, 1, 2, 2, 3, 3])
         self.assertEqual(lines[-1], "all 4 at 6800")
 
+    def test_forty_threads_use_the_heap(self):
+        self.assertEqual(fly("many").output, "joined 40 at 3000\n")
+
     def test_ten_repeats_are_equal(self):
         for case in ("threads", "locks", "random"):
             flights = [fly(case) for _ in range(10 if case == "threads" else 3)]

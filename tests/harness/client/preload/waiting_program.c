@@ -324,6 +324,22 @@ static void threads(void) {
   say("all", 4);
 }
 
+/* More than 8 heaps of the C library: it then asks for the number of processors, in the thread that is new. */
+static void* use_heap(void* number) {
+  const struct timespec time = {0, 1000000};
+  for (int i = 0; i < 3; ++i) {
+    free(malloc(100));
+    nanosleep(&time, NULL);
+  }
+  return number;
+}
+static void many(void) {
+  pthread_t some[40];
+  for (intptr_t i = 0; i < 40; ++i) pthread_create(&some[i], NULL, use_heap, (void*)i);
+  for (int i = 0; i < 40; ++i) pthread_join(some[i], NULL);
+  say("joined", 40);
+}
+
 static volatile int alarms = 0;
 static void on_alarm(int number) {
   (void)number;
@@ -483,6 +499,7 @@ static const struct {
              {"timers", timers},
              {"locks", locks},
              {"threads", threads},
+             {"many", many},
              {"signals", signals},
              {"random", random_numbers},
              {"fork", forks},
