@@ -89,7 +89,7 @@ class LqrApplication {
   void BeginPeriod(TimeNs now);
   bool IsNew(const link::Message& message);
   void Accept(const link::Message& message);
-  // What no reference has said: the place of the first reply.
+  // Takes the place of the first reply for all that no reference has said.
   void HoldPlace(std::span<const float> sensed);
   void Answer(TimeNs now);
   void SendCommand(TimeNs now);
@@ -111,10 +111,10 @@ class LqrApplication {
   const link::MessageType* pace_ =
       nullptr;  // the message of the server's own that is answered; null: replies are
   std::int64_t paces_per_period_ = 1, pace_count_ = 0;
-  std::vector<bool> awaited_;           // by message type: the replies that this period lacks
+  std::vector<bool> awaited_;  // by message type: the replies that this period lacks
   // The last one received. NaN: not received, and no place held.
   Reference reference_ = {.x_m = NAN, .y_m = NAN, .z_m = NAN, .yaw_rad = NAN};
-  bool has_states_ = false;             // all of this period, not answered
+  bool has_states_ = false;  // all of this period, not answered
   std::array<float, kLqrInputsMax> command_{};
   std::optional<TimeNs> ready_ns_;  // of `command_`, which is being computed
   bool waiting_ = false;            // for the replies to the last requests

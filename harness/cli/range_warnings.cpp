@@ -35,11 +35,12 @@ std::vector<std::string> SlowLines(const Scenario& scenario) {
     if (rate.baud == 0) continue;
     const double time_ms = LineTime_s(LineLoadOf(protocol, direction).bytes, rate) * 1e3;
     if (time_ms <= period_ms) continue;
-    warnings.push_back(fmt::format(
-        "{}: at {} baud the messages {} of the protocol '{}' take {:.4g} ms, longer than its control period of "
-        "{:g} ms: raise `{}`, or send less",
-        scenario.link_place, rate.baud, Name(direction), protocol.name, time_ms, period_ms,
-        is_reference ? "reference_baud" : "baud"));
+    warnings.push_back(
+        fmt::format("{}: at {} baud the messages {} of the protocol '{}' take {:.4g} ms, longer than its "
+                    "control period of "
+                    "{:g} ms: raise `{}`, or send less",
+                    scenario.link_place, rate.baud, Name(direction), protocol.name, time_ms, period_ms,
+                    is_reference ? "reference_baud" : "baud"));
   }
   return warnings;
 }
@@ -79,10 +80,11 @@ std::vector<std::string> RangeWarnings(const Scenario& scenario, const plant::Ve
                     OutcomeText(beyond)));
   }
   if (const std::vector<std::string> unheard = UnheardReference(scenario); !unheard.empty())
-    warnings.push_back(fmt::format(
-        "{}: reference: it changes {}, and no reference message of the protocol '{}' carries that: a firmware "
-        "does not hear of it",
-        scenario.reference_place, fmt::join(unheard, " and "), scenario.link.protocol->name));
+    warnings.push_back(
+        fmt::format("{}: reference: it changes {}, and no reference message of the protocol '{}' carries "
+                    "that: a firmware "
+                    "does not hear of it",
+                    scenario.reference_place, fmt::join(unheard, " and "), scenario.link.protocol->name));
   const std::vector<std::string> slow = SlowLines(scenario);
   warnings.insert(warnings.end(), slow.begin(), slow.end());
   return warnings;

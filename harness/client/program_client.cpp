@@ -187,8 +187,8 @@ class ProgramClient final : public CalledClient {
         if (const auto refusal = process_->FindRefusal()) ThrowRefused(*refusal);
       // A wrong option or a missing module: there was no firmware to judge.
       if (spec_.clocked && !has_sent_ && process_->has_exited())
-        throw std::runtime_error(fmt::format("{}: before it sent a byte on its ports, {}", spec_.name,
-                                             Explained(trouble).what()));
+        throw std::runtime_error(
+            fmt::format("{}: before it sent a byte on its ports, {}", spec_.name, Explained(trouble).what()));
       throw trouble.hung ? trouble : Explained(trouble);
     } catch (...) {
       lost_ = true;

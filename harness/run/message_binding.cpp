@@ -175,6 +175,12 @@ std::string TextOf(const link::MessageType& type, const Unsuitable& why) {
          "', which this vehicle does not have";
 }
 
+std::string NamesOf(const SignalTable& table) {
+  std::string names;
+  for (const Signal& signal : table) names += (names.empty() ? "" : ", ") + signal.name;
+  return names;
+}
+
 void AddOnce(std::vector<std::string>& names, const std::string& name) {
   if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
 }
@@ -251,7 +257,11 @@ std::string UnsuitableProtocol(const link::Protocol& protocol, const VehicleSign
         finder.Of(type, field);
       } catch (const Unsuitable& why) {
         if (unsuitable != nullptr && unsuitable->first == nullptr) *unsuitable = {&type, &field};
-        why.missing.empty() ? AddOnce(reasons, why.reason) : AddOnce(missing, why.missing);
+        if (type.direction == link::Direction::kReference && !why.missing.empty())
+          AddOnce(reasons, fmt::format("the message '{}' carries '{}', and a reference has {}", type.name,
+                                       why.missing, NamesOf(ReferenceSignals())));
+        else
+          why.missing.empty() ? AddOnce(reasons, why.reason) : AddOnce(missing, why.missing);
       }
     }
   }

@@ -53,15 +53,16 @@ class RangeWatch {
  public:
   explicit RangeWatch(const link::Protocol& protocol);
 
-  // What a client may refuse in `sent`, values of the message, though `true_values`, those without faults of sensors, have
-  // it, too: "z_m = 10.2, beyond the range -10 to 10". Each field once; empty: nothing new. `true_values` is called only
-  // when `sent` has a value that a client may refuse.
+  // Reports the fields whose value in the message, `sent`, a client may refuse: "z_m = 10.2, beyond the range -10 to 10".
+  // Left out are those that only a fault of a sensor has put out of range, and those reported before. `true_values` has the
+  // values without faults of sensors; it is called only when a client may refuse one that is sent.
   std::vector<std::string> Look(const link::MessageType& message, std::span<const double> sent,
                                 const std::function<std::vector<double>()>& true_values);
 
  private:
   const link::Protocol& protocol_;
-  std::vector<std::vector<std::size_t>> watched_;  // by message: fields whose range is narrower than their type
+  std::vector<std::vector<std::size_t>>
+      watched_;  // by message: fields whose range is narrower than their type
 };
 
 // Fields of actuator messages that cannot carry the inputs of hover, `hover`, in the order of vehicle.inputs.

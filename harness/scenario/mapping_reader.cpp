@@ -352,7 +352,10 @@ void MappingReader::WordOrName(const Key& key, std::span<const std::string_view>
 
 void MappingReader::Bytes(const Key& key, std::vector<std::uint8_t>& value, std::size_t count_max) {
   const YamlNode* node = Take(key);
-  const std::vector<YamlNode>* items = node == nullptr ? nullptr : ReadItems(key.name, *node);
+  if (node == nullptr) return;
+  if (node->kind == YamlNode::Kind::kNumber || node->kind == YamlNode::Kind::kAmbiguous)
+    return Complain(node->mark, fmt::format("{}: expected a list of bytes: [{}]", key.name, node->text));
+  const std::vector<YamlNode>* items = ReadItems(key.name, *node);
   if (items == nullptr) return;
   if (items->empty() || items->size() > count_max)
     Complain(node->mark,

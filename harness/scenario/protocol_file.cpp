@@ -368,9 +368,18 @@ class Maker {
 
   void CheckRoles(const link::Protocol& protocol) {
     const YamlMark messages = PlaceOf(mapping_, "messages");
-    if (protocol.Find(MessageKind::kActuators) == nullptr)
-      Complain(messages,
-               "messages: the client has no actuator message: one with the vehicle's inputs as fields");
+    if (protocol.Find(MessageKind::kActuators) == nullptr) {
+      const MessageType* start = protocol.Find(MessageKind::kStart);
+      if (start != nullptr && start->has_signals())
+        Complain(PlaceOf(mapping_, "start.message"),
+                 fmt::format(
+                     "message: '{}' alone carries inputs of the vehicle, and a `message` comes once: write "
+                     "`first: {}`",
+                     start->name, start->name));
+      else
+        Complain(messages,
+                 "messages: the client has no actuator message: one with the vehicle's inputs as fields");
+    }
     const MessageType* reference = protocol.Find(MessageKind::kReference);
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       if (protocol.messages[i].kind == MessageKind::kReference && &protocol.messages[i] != reference)

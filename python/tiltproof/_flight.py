@@ -257,7 +257,12 @@ class Flight:
         except BrokenPipeError:
             pass
         self._session.stdout.close()
-        self._session.wait()
+        try:
+            self._session.wait(timeout=1)
+        except subprocess.TimeoutExpired:
+            # All is written. A child that this program has forked holds the session's standard input open.
+            self._session.terminate()
+            self._session.wait()
         self._log.seek(0)
         said = self._log.read().decode(errors="replace").strip()
         self._log.close()

@@ -213,6 +213,22 @@ def test_a_script_that_dies_leaves_no_process(scenario: pathlib.Path) -> None:
     assert '"end_reason": "completed"' in verdict.read_text(encoding="utf-8")
 
 
+def test_a_forked_child_does_not_hold_the_end_up(scenario: pathlib.Path) -> None:
+    with tiltproof.fly(scenario) as flight:
+        flight.advance(0.1)
+        child = os.fork()  # with all open files, the standard input of the session among them
+        if child == 0:
+            signal.pause()
+            os._exit(0)
+        try:
+            began = time.monotonic()
+            assert flight.stop().end_reason == "completed"
+            assert time.monotonic() - began < 20
+        finally:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+
+
 def test_a_firmware_that_crashes_does_not_take_the_script_along(scenario: pathlib.Path) -> None:
     library = BUILD / "tests/clients/libmisbehaving_client.so"
     if not library.is_file():

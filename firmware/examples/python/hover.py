@@ -146,10 +146,10 @@ class Pilot:
         self.protocol, self.controller, self.send = protocol, controller, send
         if protocol.description["frames"] != {"world": "enu", "body": "flu"}:
             sys.exit("the control law has the axes enu and flu; this protocol has others")
-        self.sensors, self.reference = {}, None  # until one arrives: where it is
-        # A stream is answered when its most frequent message has come.
-        streamed = sorted(protocol.of_role("streamed"), key=lambda message: message["period_ms"])
-        self.answered = {message["name"] for message in protocol.of_role("reply") or streamed[:1]}
+        self.sensors, self.reference = {}, {}  # by signal, as received last
+        # Answered are the reply to the last request and, of a stream, the most frequent message.
+        requests, streamed = protocol.of_role("request"), protocol.of_role("streamed")
+        self.answered = requests[-1]["reply"] if requests else min(streamed, key=lambda message: message["period_ms"])["name"]
 
     def say(self, role, values=None):
         for message in self.protocol.of_role(role):
@@ -174,15 +174,16 @@ class Pilot:
     def take(self, name, values):
         self.sensors.update(values)
         wanted = [own["name"] for own in states_of(self.controller.parameters)]
-        if name not in self.answered or not all(signal in self.sensors for signal in wanted):
+        if name != self.answered or not all(signal in self.sensors for signal in wanted):
             return
-        if self.reference is None:
-            self.reference = [self.sensors[signal] for signal in ("x_m", "y_m", "z_m", "yaw_rad")] + [0.0, 0.0, 0.0]
+        for signal in ("x_m", "y_m", "z_m", "yaw_rad"):
+            self.reference.setdefault(signal, self.sensors[signal])  # what no reference has said: where it is
         sensors = [self.sensors[signal] for signal in wanted]
-        self.say("actuators", self.on_the_line(self.controller.step(sensors, self.reference)))
+        reference = [self.reference.get(signal, 0.0) for signal in REFERENCE]
+        self.say("actuators", self.on_the_line(self.controller.step(sensors, reference)))
 
     def follow(self, values):
-        self.reference = [values.get(signal, 0.0) for signal in REFERENCE]
+        self.reference.update(values)
 
 
 def fly(protocol, port, reference_port, controller):

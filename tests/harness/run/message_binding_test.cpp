@@ -258,6 +258,9 @@ TEST(MessageBinding, WhatCannotBeConvertedIsRefusedWithTheReason) {
               HasSubstr("'tau_r_nm' is not the thrust of a rotor, and has no share"));
   EXPECT_THAT(reason(link::Direction::kToPlant, {.signal = "quaternion_w"}),
               HasSubstr("only the server's messages have the attitude"));
+  EXPECT_THAT(
+      reason(link::Direction::kReference, {.signal = "roll_rad"}),
+      HasSubstr("carries 'roll_rad', and a reference has x_m, y_m, z_m, yaw_rad, vx_m_s, vy_m_s, vz_m_s"));
   EXPECT_THAT(reason(link::Direction::kToClient, {.signal = "pressure_pa"}),
               HasSubstr("its messages carry pressure_pa, which this vehicle does not have"));
 }

@@ -135,7 +135,7 @@ TEST(MessageRange, WhatNoReferenceMessageCarriesIsNamed) {
   EXPECT_EQ(unheard({}, {1, 2, 2}, 0), (Names{"x_m", "y_m"}));
 }
 
-// What a fault of a sensor makes of a value is the fault's, and what the vehicle does is the range's.
+// A value that a sensor's fault has made is the fault's doing, not the range's.
 TEST(MessageRange, AFieldIsNamedOnceWhenTheVehicleItselfLeavesItsRange) {
   MessageField height = Field("z_m", NumberType::kI16, 0.01), speed = Field("vz_m_s", NumberType::kF32, 1);
   height.min = -10;

@@ -120,12 +120,17 @@ TEST(ProtocolFileTest, ErrorsHaveTheirPlaces) {
       {"control_period_ms: 4", "control_period_ms: 4.0000001",
        "2:20: control_period_ms: 4.0000001 ms is not a whole number of nanoseconds"},
       {"crc16_ibm_3740", "crc16", "3:71: check: unknown value 'crc16'; did you mean 'crc16_ibm_3740'?"},
+      {"[0xAA, 85]", "0xAA", "3:40: sync: expected a list of bytes: [0xAA]"},
       {"[0xAA, 85]", "[]", "3:40: sync: expected 1 to 4 bytes, found 0"},
       {"85]", "256]", "3:47: sync: expected a byte such as 170 or 0xAA, found 256"},
       {"exchange: stream", "exchange: request_reply",
        "4:11: exchange: request_reply needs a message from the client with a 'reply'"},
       {"first: motors", "message: motor",
        "7:18: message: the client has no message 'motor'; did you mean 'motors'?"},
+      {"first: motors", "message: motors",
+       "7:18: message: 'motors' alone carries inputs of the vehicle, and a `message` comes once: write "
+       "`first: "
+       "motors`"},
       {"first: motors", "first: motors, repeated: boot",
        "7:34: repeated: 'motors' comes again in every flight: only a `message` of its own can mean a boot"},
       {"id: 260", "id: 65536",
