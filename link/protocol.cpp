@@ -1,6 +1,7 @@
 #include "link/protocol.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -135,6 +136,12 @@ void SetFieldValue(const MessageType& type, std::span<std::uint8_t> payload, std
 double FieldValue(const MessageType& type, std::span<const std::uint8_t> payload, std::size_t field) {
   CheckIndex(field, type.fields.size(), "a field is one of its message");
   return ValueOf(type.fields[field], payload);
+}
+
+double ValueOnLine(const MessageField& field, double value) {
+  std::array<std::uint8_t, 8> bytes{};
+  StoreNumber(field.type, field.order, value / field.scale, bytes);
+  return field.scale * LoadNumber(field.type, field.order, bytes);
 }
 
 double PlausibleMagnitude(std::string_view signal) {

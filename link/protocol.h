@@ -85,6 +85,9 @@ struct MessageType {
 // name gives its unit; infinite for a name without.
 double PlausibleMagnitude(std::string_view signal);
 
+// The value that a receiver reads when this one is sent: rounded, and within the field's type.
+double ValueOnLine(const MessageField& field, double value);
+
 // Sets the offsets of the fields and the length of the payload.
 MessageType LayOut(MessageType type);
 

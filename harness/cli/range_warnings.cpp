@@ -36,7 +36,7 @@ std::vector<std::string> SlowLines(const Scenario& scenario) {
     const double time_ms = LineTime_s(LineLoadOf(protocol, direction).bytes, rate) * 1e3;
     if (time_ms <= period_ms) continue;
     warnings.push_back(
-        fmt::format("{}: at {} baud the messages {} of the protocol '{}' take {:.4g} ms, longer than its "
+        fmt::format("{}: at {} baud the messages {} of the protocol '{}' take {:.6g} ms, longer than its "
                     "control period of "
                     "{:g} ms: raise `{}`, or send less",
                     scenario.link_place, rate.baud, Name(direction), protocol.name, time_ms, period_ms,

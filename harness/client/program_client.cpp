@@ -79,6 +79,7 @@ class ProgramClient final : public CalledClient {
   TimeNs StartFirmware(TimeNs shown) override { return RunFirmware(shown); }
   // They leave with the next grant, which follows at the same time.
   void ReceiveInFirmware(Uart uart, TimeNs shown, std::span<const std::uint8_t> bytes) override {
+    has_used_line_ = true;
     AppendBytes(static_cast<int>(uart), shown, bytes, !clock().is_true(), out_);
   }
   TimeNs RunFirmware(TimeNs shown) override {
@@ -138,7 +139,7 @@ class ProgramClient final : public CalledClient {
     const BootTime when = clock().When(std::max<TimeNs>(message.time_ns, 0));
     switch (message.kind) {
       case ProgramMessage::Kind::kTransmit: {
-        has_sent_ = true;
+        has_used_line_ = true;
         const BootTime sent = host().transmit(static_cast<Uart>(message.number), when, message.bytes);
         if (!message.ask) return;
         std::vector<std::uint8_t> answer;
@@ -186,9 +187,9 @@ class ProgramClient final : public CalledClient {
       if (spec_.clocked)
         if (const auto refusal = process_->FindRefusal()) ThrowRefused(*refusal);
       // A wrong option or a missing module: there was no firmware to judge.
-      if (spec_.clocked && !has_sent_ && process_->has_exited())
+      if (spec_.clocked && !has_used_line_ && process_->has_exited())
         throw std::runtime_error(
-            fmt::format("{}: before it sent a byte on its ports, {}", spec_.name, Explained(trouble).what()));
+            fmt::format("{}: before a byte was on its lines, {}", spec_.name, Explained(trouble).what()));
       throw trouble.hung ? trouble : Explained(trouble);
     } catch (...) {
       lost_ = true;
@@ -215,7 +216,7 @@ class ProgramClient final : public CalledClient {
   bool tells_status_ = false;
   ClientStatus status_;
   std::optional<std::uint32_t> role_;  // as told last; standby before. None: it tells none
-  bool has_sent_ = false;              // a byte, in this flight
+  bool has_used_line_ = false;         // it has sent a byte or was sent one, in this flight
   bool lost_ = false;
   bool over_ = false;
   std::unique_ptr<ProgramProcess> process_;

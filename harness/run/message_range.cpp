@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <optional>
 #include <string_view>
@@ -124,8 +123,7 @@ void ForEachPoint(const Scenario& scenario, const Take& take) {
 }  // namespace
 
 bool IsRefused(const MessageField& field, double value) {
-  const double sent = std::clamp(value, field.scale * link::LeastNumber(field.type),
-                                 field.scale * link::LargestNumber(field.type));
+  const double sent = link::ValueOnLine(field, value);
   return sent < field.min || sent > field.max;
 }
 
@@ -182,9 +180,11 @@ std::vector<std::string> UnheardReference(const Scenario& scenario) {
   };
   constexpr double kChange = 1e-6;  // m or rad
   std::array<bool, 4> changes{};
+  std::array<double, 3> start_m = scenario.initial_position_m;
+  // The height at which it stands is the vehicle's: only a change counts.
+  if (scenario.initial_on_ground) start_m[2] = Trajectory(scenario.reference).At(0).position_m[2];
   ForEachPoint(scenario, [&](TimeNs, const ReferencePoint& point) {
-    for (std::size_t i = 0; i < 3; ++i)
-      changes[i] |= std::abs(point.position_m[i] - scenario.initial_position_m[i]) > kChange;
+    for (std::size_t i = 0; i < 3; ++i) changes[i] |= std::abs(point.position_m[i] - start_m[i]) > kChange;
     changes[3] |= std::abs(std::remainder(point.yaw_rad - scenario.initial_attitude_rad[2],
                                           2 * std::numbers::pi)) > kChange;
   });
@@ -199,9 +199,10 @@ RangeWatch::RangeWatch(const link::Protocol& protocol)
   for (std::size_t message = 0; message < watched_.size(); ++message)
     for (std::size_t i = 0; i < protocol.messages[message].fields.size(); ++i) {
       const MessageField& field = protocol.messages[message].fields[i];
+      const double usual =
+          std::min(link::PlausibleMagnitude(field.signal), link::LargestNumber(link::NumberType::kF32));
       if (field.content == link::FieldContent::kSignal &&
-          (IsRefused(field, std::numeric_limits<double>::max()) ||
-           IsRefused(field, std::numeric_limits<double>::lowest())))
+          (IsRefused(field, usual) || IsRefused(field, -usual)))
         watched_[message].push_back(i);
     }
 }
@@ -220,8 +221,8 @@ std::vector<std::string> RangeWatch::Look(const MessageType& message, std::span<
   std::erase_if(watched, [&](std::size_t i) {
     if (!is_refused(sent, i) || !is_refused(values, i)) return false;
     const MessageField& field = message.fields[i];
-    beyond.push_back(fmt::format("{} = {:.6g}, beyond the range {:.6g} to {:.6g}", field.signal, sent[i],
-                                 field.min, field.max));
+    beyond.push_back(fmt::format("{} = {:.7g}, beyond the range {:.7g} to {:.7g}", field.signal,
+                                 link::ValueOnLine(field, sent[i]), field.min, field.max));
     return true;
   });
   return beyond;

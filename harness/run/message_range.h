@@ -25,7 +25,7 @@ struct CarriedRange {
 };
 CarriedRange CarriedRangeOf(const link::MessageField& field);
 
-// True if the receiver of a message refuses it for this value, which the sender's type may have made smaller.
+// True if the receiver of a message refuses it for this value, as the sender rounds it.
 bool IsRefused(const link::MessageField& field, double value);
 
 struct BeyondRange {
@@ -61,8 +61,8 @@ class RangeWatch {
 
  private:
   const link::Protocol& protocol_;
-  std::vector<std::vector<std::size_t>>
-      watched_;  // by message: fields whose range is narrower than their type
+  // By message: fields whose range is narrower than that which every protocol has (link::PlausibleMagnitude).
+  std::vector<std::vector<std::size_t>> watched_;
 };
 
 // Fields of actuator messages that cannot carry the inputs of hover, `hover`, in the order of vehicle.inputs.

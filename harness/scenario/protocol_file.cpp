@@ -205,14 +205,8 @@ class Maker {
     if (spec.min) check("min", *spec.min);
     if (spec.max) check("max", *spec.max);
     // A sender at the end of the range sends the nearest number that the field can hold, which may lie a little beyond.
-    if (spec.min) field.min = std::min(field.min, OnLine(field, field.min));
-    if (spec.max) field.max = std::max(field.max, OnLine(field, field.max));
-  }
-
-  static double OnLine(const MessageField& field, double value) {
-    std::array<std::uint8_t, 8> bytes{};
-    link::StoreNumber(field.type, field.order, value / field.scale, bytes);
-    return field.scale * link::LoadNumber(field.type, field.order, bytes);
+    if (spec.min) field.min = std::min(field.min, link::ValueOnLine(field, field.min));
+    if (spec.max) field.max = std::max(field.max, link::ValueOnLine(field, field.max));
   }
 
   void CheckNames() {

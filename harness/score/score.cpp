@@ -357,9 +357,9 @@ std::string Expectation(Verdict expected) {
 }
 
 // Text on a message that a client may refuse, sent before a failure: it may be the cause. Empty: there is none.
-std::string BeyondRange(const RunLog& log, std::optional<double> failed_s) {
+std::string BeyondRange(const RunLog& log, double failed_s) {
   const auto sent = std::ranges::find(log.events, kBeyondRangeSentEvent, &RunEvent::kind);
-  if (sent == log.events.end() || !failed_s || ToSeconds(sent->time_ns) > *failed_s) return "";
+  if (sent == log.events.end() || ToSeconds(sent->time_ns) > failed_s) return "";
   return "; before," + AtTime(ToSeconds(sent->time_ns)) + ", " + sent->text +
          ": a client may refuse it; widen the field's `min` and `max` if the vehicle may go there";
 }
@@ -384,7 +384,8 @@ void Conclude(Score& score, const RunLog& log, Verdict expected) {
   if (first != nullptr) {
     score.cause = score.verdict == Verdict::kError ? VerdictCause::kHarness : VerdictCause::kCriterion;
     score.reason = first->name + ": " + first->explanation;
-    if (score.verdict == Verdict::kFail) score.reason += BeyondRange(log, first->time_s);
+    if (score.verdict == Verdict::kFail)
+      score.reason += BeyondRange(log, first->time_s.value_or(ToSeconds(log.end_ns)));
     return;
   }
   for (const auto& fault : score.faults)

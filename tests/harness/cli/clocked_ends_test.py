@@ -50,12 +50,12 @@ class ClockedEndsTest(ProgramFlights):
         self.assertEqual((code, results["crash"]["verdict"], results["crash"]["outcome"]), (1, "fail", "crashed"), text)
         self.assertIn("the firmware crashed in grant: Segmentation fault", results["crash"]["reason"])
 
-    def test_a_program_that_ends_before_it_sends_a_byte_is_no_firmware(self):
+    def test_a_program_that_ends_before_a_byte_is_on_its_lines_is_no_firmware(self):
         # Also where a failure is expected: none of a firmware was seen.
         self.scenario("quits", **{"duration_s: 0.6": "duration_s: 0.6\nexpect: fail"})
         code, text, results = self.flown("quits.yaml", client=self.client("quits"))
         self.assertEqual((code, results["quits"]["verdict"]), (3, "error"), text)
-        self.assertIn("before it sent a byte on its ports, the firmware exited with code 1 in grant; it printed last: no such option: --fast",
+        self.assertIn("before a byte was on its lines, the firmware exited with code 1 in grant; it printed last: no such option: --fast",
                       results["quits"]["reason"])
 
     def test_a_network_socket_does_not_hold_up_the_flight(self):

@@ -149,6 +149,7 @@ TEST(MessageRange, AFieldIsNamedOnceWhenTheVehicleItselfLeavesItsRange) {
   using Texts = std::vector<std::string>;
   EXPECT_EQ(look({1e30, 10}, {1e30, 10}), Texts());
   EXPECT_EQ(look({0, 12}, {0, 9}), Texts());
+  EXPECT_EQ(look({0, 10.004}, {0, 10.004}), Texts());  // 10.00 on the line
   EXPECT_EQ(look({0, 9}, {0, 12}), Texts());
   EXPECT_EQ(look({0, 12}, {0, 11}), Texts{"z_m = 12, beyond the range -10 to 10"});
   EXPECT_EQ(look({0, -11}, {0, -11}), Texts());
