@@ -22,7 +22,8 @@ enum {
   kReplyBytes = 1 + 3 * 4 + 8 * 2,
   kCommandBytes = 1 + 2 * 2 + 2 * 4,
   kAlphaCount = 2,
-  kHandlersCount = 256, /* an index of one byte names a function or none, and never what lies behind the table */
+  kHandlersCount =
+      256, /* an index of one byte names a function or none, and never what lies behind the table */
 
   kStart = 1,
   kRequest = 2,
