@@ -37,8 +37,7 @@ std::vector<std::string> SlowLines(const Scenario& scenario) {
     if (time_ms <= period_ms) continue;
     warnings.push_back(
         fmt::format("{}: at {} baud the messages {} of the protocol '{}' take {:.6g} ms, longer than its "
-                    "control period of "
-                    "{:g} ms: raise `{}`, or send less",
+                    "control period of {:g} ms: raise `{}`, or send less",
                     scenario.link_place, rate.baud, Name(direction), protocol.name, time_ms, period_ms,
                     is_reference ? "reference_baud" : "baud"));
   }
