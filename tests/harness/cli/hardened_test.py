@@ -27,7 +27,7 @@ CHANGED = {
 }
 # The board flies fewer: what the protocol is for.
 ON_THE_BOARD = ("frame-drop", "frame-duplicate-survive", "frame-reorder", "frame-replay-stale", "frame-truncate", "byte-drop", "bit-error")
-# Of these, flights in which some microseconds of computing change nothing. They are shorter on the board, and the same to the bit as those of the
+# Some microseconds of computing change nothing in these flights. They are shorter on the board, and the same to the bit as those of the
 # library, whose verdicts are known.
 AS_THE_LIBRARY = {
     "paper": ("frame-drop", "frame-duplicate-survive", "frame-replay-stale", "frame-truncate", "byte-drop"),
