@@ -41,17 +41,10 @@ def image(code, reset=FLASH + 65):
     return header + segment + content
 
 
-def alive(marker):
-    """Processes whose command line holds the marker."""
-    found = []
-    for folder in pathlib.Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                if marker in (folder / "cmdline").read_bytes().decode(errors="replace"):
-                    found.append(int(folder.name))
-            except OSError:
-                pass
-    return [pid for pid in found if pid != os.getpid()]
+# Endless loops. The emulator looks at its count of instructions after each block of code, so that a loop of many instructions costs it much
+# less than one of a single instruction.
+TIGHT_LOOP = [0xE7FE]  # b .
+LONG_LOOP = [0xBF00] * 400 + [0xE000 | -402 & 0x7FF]  # nop, 400 times; b to the first
 
 
 class Lockstep(unittest.TestCase):
@@ -75,13 +68,14 @@ class Lockstep(unittest.TestCase):
         self.runs += 1
         out = self.root / f"out{self.runs}"
         done = self.run_tiltproof("run", *arguments, "--out", out, "--no-progress")
-        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        self.assertIn(done.returncode, code if isinstance(code, tuple) else (code,), done.stdout + done.stderr)
         results = json.loads((out / "latest/results.json").read_text())
         return out / "latest", results["scenarios"]
 
-    def events(self, folder, kind):
+    def events(self, folder, kind, name=None):
+        """`name`: of the flight, where the run has several."""
         lines = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-        return [(line["time_s"], line["text"]) for line in lines if line["kind"] == kind]
+        return [(line["time_s"], line["text"]) for line in lines if line["kind"] == kind and name in (None, line["scenario"])]
 
     def rows(self, folder, name="flight"):
         with open(folder / name / "trace.csv", newline="") as file:
@@ -99,18 +93,19 @@ class Lockstep(unittest.TestCase):
         faults = ("{id: noise, type: wire.bit_error, target: both, parameters: {ber: 0.0005}}, "
                   "{id: reset, type: device.reset, start_s: 1.5, parameters: {boot_ms: 30}}, "
                   "{id: flip, type: device.bit_flip, start_s: 0.5, end_s: 2.5, parameters: {region: ram, bit_count: 3}}")
-        scenarios = [self.scenario(name, "tolerant", faults=faults) for name in ("a", "b")]
+        a, b = (self.scenario(name, "tolerant", faults=faults) for name in ("a", "b"))
         hashes = set()
-        for flags in ([], ["-j", "2"], ["--distributed=socket"]):
+        for scenarios, flags in (([a], []), ([a, b], ["-j", "2"]), ([b], ["--distributed=socket"])):
             # A seed that flips bits of which this image needs none.
             _, results = self.fly(*scenarios, "--client", "qemu", "--seed", "2", *flags)
+            self.assertEqual(len(results), len(scenarios))
             hashes |= {result["trace_hash"] for result in results}
             for result in results:
                 self.assertEqual([fault["activations"] for fault in result["faults"]][1:], [1, 3])
         self.assertEqual(len(hashes), 1, hashes)
 
     def test_flight_is_the_same_on_a_loaded_machine_and_can_be_replayed(self):
-        file = self.scenario(duration_s=2)
+        file = self.scenario(duration_s=1)
         folder, [quiet] = self.fly(file, "--client", "qemu")
         load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(3)]
         try:
@@ -124,18 +119,22 @@ class Lockstep(unittest.TestCase):
         self.assertEqual((replayed.returncode, "1 of 1 equal" in replayed.stdout), (0, True), replayed.stdout)
 
     def test_spiral_is_within_a_millimetre_of_the_hosts(self):
-        spiral = SOURCE / "scenarios/paper/spiral-velocity.yaml"
+        # Its first 20 s. equality_test.py compares longer flights with faults, to the bit.
+        shipped = (SOURCE / "scenarios/paper/spiral-velocity.yaml").read_text()
+        self.assertIn("duration_s: 60\n", shipped)
+        spiral = self.root / "spiral-velocity.yaml"
+        spiral.write_text(shipped.replace("duration_s: 60\n", "duration_s: 20\n").replace("always[10,60]", "always[10,20]"))
         host, _ = self.fly(spiral)
         emulated, _ = self.fly(spiral, "--client", "qemu")
         compared = self.run_tiltproof("compare", host, emulated, "--tolerance", "0.001")
         self.assertEqual(compared.returncode, 0, compared.stdout)
         rows = list(zip(self.rows(host, "paper-spiral-velocity"), self.rows(emulated, "paper-spiral-velocity")))
-        self.assertEqual(len(rows), 5001)
+        self.assertEqual(len(rows), 1668)
         for column in ("x_m", "y_m", "z_m", "roll_rad", "pitch_rad", "yaw_rad"):
             self.assertLessEqual(max(abs(float(a[column]) - float(b[column])) for a, b in rows), 1e-3, column)
 
     def test_an_independent_image_flies(self):
-        folder, [result] = self.fly(self.scenario(duration_s=6), "--client", f"qemu:{IMAGES / 'minimal_c.elf'}")
+        folder, [result] = self.fly(self.scenario(duration_s=2), "--client", f"qemu:{IMAGES / 'minimal_c.elf'}")
         self.assertEqual(result["verdict"], "pass")
         # It has no `tiltproof_status`: what it cannot say is absent.
         self.assertNotIn("firmware.failsafe_entered_count", result["metrics"])
@@ -240,7 +239,7 @@ class Lockstep(unittest.TestCase):
         self.assertTrue(1.05 < resets[0][0] < 1.15, resets)
 
     def test_a_flight_with_other_work_is_the_same_in_one_process_and_in_several(self):
-        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 1, parameters: {delay_ms: 3, every_ms: 17}}")
+        file = self.scenario(faults="{id: w, type: device.task_delay, start_s: 0.5, parameters: {delay_ms: 3, every_ms: 17}}", duration_s=2)
         hashes = {self.fly(file, "--client", "qemu", *flags)[1][0]["trace_hash"] for flags in ([], [], ["--distributed=socket"])}
         self.assertEqual(len(hashes), 1, hashes)
 
@@ -252,27 +251,24 @@ class Lockstep(unittest.TestCase):
         self.assertAlmostEqual(ratio, 1.005, delta=2e-5)
 
     def test_errors_at_the_receiver_are_seen_by_the_firmware(self):
-        for fault in ("framing_error", "noise_error", "overrun"):
-            file = self.scenario(firmware="tolerant", faults=f"{{id: e, type: uart.{fault}, start_s: 1, end_s: 2, parameters: {{probability: 0.002}}}}")
-            _, [result] = self.fly(file, "--client", "qemu")
-            self.assertGreater(result["faults"][0]["activations"], 0, fault)
-            self.assertEqual(result["verdict"], "pass", fault)
+        window = "start_s: 1, end_s: 2, parameters: {probability: 0.002}"
+        files = [self.scenario(fault, "tolerant", faults=f"{{id: e, type: uart.{fault}, {window}}}") for fault in ("framing_error", "noise_error", "overrun")]
+        _, results = self.fly(*files, "--client", "qemu")
+        self.assertEqual(len(results), 3)
+        for result in results:
+            self.assertGreater(result["faults"][0]["activations"], 0, result["name"])
+            self.assertEqual(result["verdict"], "pass", result["name"])
 
     def test_flipped_bits_are_where_the_region_is(self):
         file = self.scenario(faults="{id: f, type: device.bit_flip, start_s: 1, parameters: {region: stack, bit_count: 8}}", expect="fail")
-        folder, [result] = self.fly(file, "--client", "qemu", code=0 if self.survives(file) else 1)
+        # The flips may be fatal: that is the firmware's business, not this test's.
+        folder, _ = self.fly(file, "--client", "qemu", code=(0, 1))
         flips = self.events(folder, "bit_flipped")
         self.assertEqual(len(flips), 8)
         for at, text in flips:
             self.assertEqual(at, 1.0)
             before, after = (int(value, 16) for value in text.split(": ")[1].split(" -> "))
             self.assertEqual(bin(before ^ after).count("1"), 1)
-
-    def survives(self, file):
-        # The flips may be fatal: that is the firmware's business, not this test's.
-        self.runs += 1
-        done = self.run_tiltproof("run", file, "--client", "qemu", "--out", self.root / f"out{self.runs}", "--no-progress")
-        return done.returncode == 0
 
     def test_what_cannot_be_raised_is_refused_with_its_place(self):
         for fault, client in (("clock.jump, parameters: {jump_ms: 5}", "qemu"), ("uart.framing_error", "host"), ("device.stall", "host")):
@@ -296,17 +292,21 @@ class Lockstep(unittest.TestCase):
     def test_faults_may_meet(self):
         hang, reset, stall = "{{id: h, type: device.hang, start_s: {}}}", "{{id: r, type: device.reset, start_s: {}, parameters: {{boot_ms: 20}}}}", "{{id: s, type: device.stall, start_s: {}, end_s: {}}}"
         # Times in s: the resets that are due, and the processor running again. The watchdog resets after some 100 ms.
-        for faults, resets, runs in (([hang.format(1), reset.format(1.05)], [1.05], 1.07),
-                                     ([hang.format(1), stall.format(1.02, 1.04)], [1.1], 1.1),
-                                     ([stall.format(1, 1.05), reset.format(1.02)], [1.02], 1.05),
-                                     ([reset.format(1), reset.format(1.01).replace("id: r", "id: r2")], [1, 1.01], 1.03),
-                                     ([stall.format(1, 1.02), stall.format(1.02, 1.04).replace("id: s", "id: s2")], [], 1.04)):
-            folder, [result] = self.fly(self.scenario(faults=", ".join(faults)), "--client", "qemu")
-            found = self.events(folder, "device_reset")
+        cases = (([hang.format(1), reset.format(1.05)], [1.05], 1.07),
+                 ([hang.format(1), stall.format(1.02, 1.04)], [1.1], 1.1),
+                 ([stall.format(1, 1.05), reset.format(1.02)], [1.02], 1.05),
+                 ([reset.format(1), reset.format(1.01).replace("id: r", "id: r2")], [1, 1.01], 1.03),
+                 ([stall.format(1, 1.02), stall.format(1.02, 1.04).replace("id: s", "id: s2")], [], 1.04))
+        files = [self.scenario(f"meeting-{i}", faults=", ".join(faults)) for i, (faults, _, _) in enumerate(cases)]
+        folder, results = self.fly(*files, "--client", "qemu")
+        flown = {result["name"]: result for result in results}
+        for file, (faults, resets, runs) in zip(files, cases):
+            result = flown[file.stem]
+            found = self.events(folder, "device_reset", file.stem)
             self.assertEqual(len(found), len(resets), (faults, found))
             for (at, text), due in zip(found, resets):
                 self.assertAlmostEqual(at, due, delta=0.03 if "watchdog" in text else 1e-7)
-            ends = self.events(folder, "device_runs")
+            ends = self.events(folder, "device_runs", file.stem)
             self.assertEqual(len(ends), 1, (faults, ends))
             self.assertAlmostEqual(ends[0][0], runs, delta=0.03 if hang.format(1) in faults else 1e-6)
             self.assertEqual(result["verdict"], "pass")
@@ -318,13 +318,13 @@ class Lockstep(unittest.TestCase):
         self.assertAlmostEqual(result["metrics"]["timing.request_period_max_ms"], 12, delta=0.001)
 
     def test_a_firmware_that_resets_itself_does_so_at_the_same_time_on_any_machine(self):
-        # Its data scrambled, it runs into its fault handler, which resets.
-        file = self.scenario(faults="{id: f, type: device.bit_flip, start_s: 1, parameters: {region: data, bit_count: 64}}")
+        # Its data scrambled, it runs into its fault handler, which resets: with this seed, at 1.008 s.
+        file = self.scenario(faults="{id: f, type: device.bit_flip, start_s: 1, parameters: {region: data, bit_count: 64}}", duration_s=1.5)
 
         def flights():
             self.runs += 1
             out = self.root / f"out{self.runs}"
-            self.run_tiltproof("run", file, "--client", "qemu", "--repeat", 4, "--out", out, "--no-progress")
+            self.run_tiltproof("run", file, "--client", "qemu", "--seed", 4, "--out", out, "--no-progress")
             results = json.loads((out / "latest/results.json").read_text())["scenarios"]
             return [result["trace_hash"] for result in results], self.events(out / "latest", "device_reset")
 
@@ -332,7 +332,8 @@ class Lockstep(unittest.TestCase):
         self.assertTrue(any("firmware itself" in text for _, text in quiet[1]), quiet)
         load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(3)]
         try:
-            self.assertEqual(flights(), quiet)
+            for _ in range(2):
+                self.assertEqual(flights(), quiet)
         finally:
             for process in load:
                 process.kill()
@@ -348,19 +349,20 @@ class Lockstep(unittest.TestCase):
         self.assertRegex((folder / "flight/firmware.log").read_text(), r"R00=[0-9a-f]{8}")
 
     def test_a_firmware_in_an_endless_loop_is_hung_within_seconds(self):
-        client = self.write_image("loop.elf", [0xE7FE])  # b .
+        client = self.write_image("loop.elf", LONG_LOOP)
         began = time.monotonic()
         folder, [result] = self.fly(self.scenario(duration_s=3600), "--client", client, code=1)
         self.assertLess(time.monotonic() - began, 60)
         self.assertIn("the firmware hangs: for 10 s", json.dumps(result))
-        self.assertRegex((folder / "flight/firmware.log").read_text(), r"R15=08000040")
+        self.assertRegex((folder / "flight/firmware.log").read_text(), r"R15=08000[0-3][0-9a-f]{2}")
 
     def test_a_firmware_may_be_busy_before_its_start(self):
-        client = self.write_image("loop.elf", [0xE7FE])  # b .
+        client = self.write_image("loop.elf", TIGHT_LOOP)
         file = self.scenario(duration_s=3600)
-        file.write_text(file.read_text() + "start_within_s: 4\n")
-        _, [result] = self.fly(file, "--client", client, code=1)
-        self.assertIn("the firmware hangs: for 4 s", json.dumps(result))
+        file.write_text(file.read_text() + "start_within_s: 3\n")
+        folder, [result] = self.fly(file, "--client", client, code=1)
+        self.assertIn("the firmware hangs: for 3 s", json.dumps(result))
+        self.assertRegex((folder / "flight/firmware.log").read_text(), r"R15=08000040")
 
     def test_a_firmware_that_sleeps_for_ever_never_starts(self):
         client = self.write_image("sleep.elf", [0xBF30, 0xE7FD])  # wfi; b .-2
@@ -419,7 +421,7 @@ class Lockstep(unittest.TestCase):
         self.assertIn("killed by signal 9", output)
 
     def test_a_flight_waits_for_an_emulator_that_is_stopped_and_says_so(self):
-        run, emulator = self.start(duration_s=60)
+        run, emulator = self.start(duration_s=15)
         os.kill(emulator, signal.SIGSTOP)
         self.assertIn(f"process {emulator} is stopped", run.stderr.readline())
         os.kill(emulator, signal.SIGCONT)
