@@ -38,6 +38,7 @@ extern uint32_t _estack;
 void HardFault_Handler(void) {
   IN_HANDLER
   for (;;) {
+    __asm volatile(".rept 200\\n\\tnop\\n\\t.endr"); /* a loop of long blocks is emulated in much less time */
   }
 }
 void Reset_Handler(void) {

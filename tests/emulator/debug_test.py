@@ -122,7 +122,7 @@ class DebugTest(unittest.TestCase):
         return [pid, *(one for child in children for one in self.family(int(child)))]
 
     def test_the_end_of_a_run_that_waits(self):
-        for client, at in (("qemu", ()), ("qemu", ("--gdb-at", "1.5")), ("host", ()), ("host", ("--gdb-at", "1.5"))):
+        for client, at in (("qemu", ()), ("qemu", ("--gdb-at", "0.5")), ("host", ()), ("host", ("--gdb-at", "0.5"))):
             for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -signal.SIGKILL)):
                 with self.subTest(client=client, at=at, signal=number.name):
                     out = self.folder / "out"
@@ -130,7 +130,7 @@ class DebugTest(unittest.TestCase):
                     port = (str(free_port()),) if client == "qemu" else ()
                     run, _ = self.start("--client", client, "--gdb", *port, *at, "--out", out)
                     # Nothing tells that it has flown as far as that.
-                    time.sleep(1 if at else 0)
+                    time.sleep(0.5 if at else 0)
                     wait_until(lambda: len(self.family(run.pid)) >= (3 if client == "qemu" else 2), "its processes")
                     family = self.family(run.pid)
                     run.send_signal(number)
