@@ -1,15 +1,16 @@
-# Headers of others, parsed once for all units that GCC compiles with the same options.
+# Headers of others, parsed once for all units that are compiled with the same options.
 #
-# GCC takes a precompiled header only where options and macros are those that it was made with (-Winvalid-pch is an error), and crashes
-# at another -O. So there is one for each, and a source with an -O of its own has SKIP_PRECOMPILE_HEADERS. No header of ours is
+# A compiler takes a precompiled header only where options and macros are those that it was made with (-Winvalid-pch is an error), and GCC
+# crashes at another -O. So there is one for each, and a source with an -O of its own has SKIP_PRECOMPILE_HEADERS. No header of ours is
 # in them: a change in one compiles only what includes it.
 #
-#   headers                   libraries that link fmt, -O1
+#   headers                   libraries of the harness that link fmt, -O1; with a sanitizer all of it, -O0
 #   headers_tests             tests, -O0
-#   headers_tests_optimised   tests, -O1
-option(TILTPROOF_PRECOMPILE_HEADERS "Parse the headers of others once (GCC)" ON)
-if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU" OR TILTPROOF_SANITIZE)
-  # A compiler cache does not take clang's, and a sanitizer does not watch all tests.
+#   headers_tests_optimised   tests, -O1, without a sanitizer
+#   headers_fuzz              libFuzzer targets
+option(TILTPROOF_PRECOMPILE_HEADERS "Parse the headers of others once" ON)
+if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND TILTPROOF_CCACHE)
+  # A compiler cache does not take clang's.
   set(TILTPROOF_PRECOMPILE_HEADERS OFF)
 endif()
 
@@ -49,4 +50,9 @@ function(use_precompiled_headers name)
 endfunction()
 
 find_package(fmt REQUIRED)
-precompiled_headers(headers OPTIONS $<$<CONFIG:Release>:-O1> LIBS fmt::fmt HEADERS <fmt/format.h> <nlohmann/json.hpp>)
+# With sanitizers most of the time goes into compiling: 40 % less without optimisation.
+set(harness_optimisation $<$<CONFIG:Release>:-O1>)
+if(TILTPROOF_SANITIZE)
+  set(harness_optimisation -O0)
+endif()
+precompiled_headers(headers OPTIONS ${harness_optimisation} LIBS fmt::fmt HEADERS <fmt/format.h> <nlohmann/json.hpp>)
