@@ -7,11 +7,13 @@
 #include <cstring>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <variant>
 
 #include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
 #include "harness/report/json_text.h"
+#include "harness/run/message_order.h"
 #include "harness/terminal/terminal.h"
 #include "link/hdlc_framing.h"
 #include "link/message_kind.h"
@@ -33,8 +35,10 @@ std::vector<std::uint8_t> FromHex(std::string_view hex) {
   return bytes;
 }
 
-// The messages that a payload can be, each with its direction and values: a payload does not say its direction.
-nlohmann::ordered_json MessagesIn(const link::Protocol& protocol, std::span<const std::uint8_t> payload) {
+// The messages that a payload can be, each with its direction and values: a payload does not say its direction. `order`
+// has seen the payloads before.
+nlohmann::ordered_json MessagesIn(const link::Protocol& protocol, std::span<const std::uint8_t> payload,
+                                  MessageOrder& order) {
   nlohmann::ordered_json messages = nlohmann::ordered_json::array();
   for (std::size_t i = 0; i < link::kDirectionCount; ++i) {
     const auto direction = static_cast<link::Direction>(i);
@@ -46,17 +50,17 @@ nlohmann::ordered_json MessagesIn(const link::Protocol& protocol, std::span<cons
     link::Message message;
     messages.push_back({{"message", type->name},
                         {"direction", Name(direction)},
-                        {"status", Name(protocol.Decode(direction, payload, message))},
+                        {"status", Name(order.Decode(direction, payload, message))},
                         {"values", std::move(values)}});
   }
   return messages;
 }
 
-// `protocol`: null without --protocol; then the line has no messages.
-void PrintFrame(const link::FrameReading& read, const link::Protocol* protocol) {
+// `protocol`: null without --protocol; then the line has no messages, and `order` is null, too.
+void PrintFrame(const link::FrameReading& read, const link::Protocol* protocol, MessageOrder* order) {
   const std::string messages =
       protocol != nullptr && read.ok
-          ? fmt::format(", \"messages\": {}", JsonLine(MessagesIn(*protocol, read.payload)))
+          ? fmt::format(", \"messages\": {}", JsonLine(MessagesIn(*protocol, read.payload, *order)))
           : "";
   Print(stdout, "{{\"offset\": {}, \"status\": \"{}\", \"payload\": \"{}\"{}}}\n", read.begin, read.status,
         fmt::format("{:02x}", fmt::join(read.payload, "")), messages);
@@ -98,9 +102,11 @@ int FrameDecodeCommand(const std::filesystem::path& file, const FrameOptions& op
   std::FILE* input = file.empty() ? stdin : opened.get();
 
   const std::unique_ptr<link::FrameReader> reader = FramingOf(protocol).MakeReader();
+  std::optional<MessageOrder> order;
+  if (protocol != nullptr) order.emplace(*protocol);
   bool rejected = false;
   const auto report = [&](const link::FrameReading& read) {
-    PrintFrame(read, protocol.get());
+    PrintFrame(read, protocol.get(), order ? &*order : nullptr);
     rejected |= !read.ok;
   };
   for (int c = 0; (c = std::getc(input)) != EOF;) {

@@ -4,12 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <optional>
 
 #include "harness/cli/protocol_flag.h"
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
 #include "harness/run/link_log.h"
+#include "harness/run/message_order.h"
 #include "harness/terminal/terminal.h"
 #include "link/hdlc_framing.h"
 
@@ -60,18 +62,43 @@ struct LinkDumpOptions {
   std::string protocol;  // empty: that of the scenario
 };
 
-// The message of a payload, or without a protocol its numbers as the built-in ones have them.
+// " " and the message of a payload, or without a protocol " " and its numbers as the built-in ones have them.
 std::string MeaningOf(const link::Protocol* protocol, link::Direction direction,
                       std::span<const std::uint8_t> payload) {
-  if (protocol != nullptr) return MessageText(*protocol, direction, payload);
+  if (protocol != nullptr) {
+    const std::string text = MessageText(*protocol, direction, payload);
+    return text.empty() ? "" : " " + text;
+  }
   if (payload.size() % 4 != 0) return "";
   std::string floats;
   for (std::size_t i = 0; i < payload.size(); i += 4)
-    floats +=
-        fmt::format("{}{:.9g}", i == 0 ? "" : " ",
-                    link::LoadNumber(link::NumberType::kF32, link::ByteOrder::kLittle, payload.subspan(i)));
+    floats += fmt::format(
+        " {:.9g}", link::LoadNumber(link::NumberType::kF32, link::ByteOrder::kLittle, payload.subspan(i)));
   return floats;
 }
+
+// The receivers of each client or line between boards: of what was sent, and of what was delivered.
+class Receivers {
+ public:
+  // By owner; null without a protocol.
+  explicit Receivers(std::span<const link::Protocol* const> protocols) : orders_(protocols.size()) {
+    for (std::size_t owner = 0; owner < orders_.size(); ++owner)
+      if (protocols[owner] != nullptr)
+        for (auto& side : orders_[owner]) side.emplace(*protocols[owner]);
+  }
+  // " status=stale", for example, of a whole frame that a receiver refuses.
+  std::string Refusal(const WireId& wire, bool delivered, std::span<const std::uint8_t> payload) {
+    std::optional<MessageOrder>& order = orders_[wire.client][delivered];
+    if (!order) return "";
+    link::Message message;
+    const link::MessageStatus status = order->Decode(wire.direction, payload, message);
+    return status == link::MessageStatus::kOk ? "" : fmt::format(" status={}", Name(status));
+  }
+
+ private:
+  // A start of the firmware begins both directions again.
+  std::vector<std::array<std::optional<MessageOrder>, 2>> orders_;
+};
 
 LinkLog ReadLog(const std::filesystem::path& file) {
   std::string content;
@@ -114,14 +141,19 @@ int LinkDumpCommand(const LinkDumpOptions& options) {
       for (auto& side : direction)
         side = (LineOf(scenario, owner) == nullptr || is_raw(owner) ? framing : *protocol_of(owner)->framing)
                    .MakeReader();
+  std::vector<const link::Protocol*> protocols;
+  for (std::size_t owner = 0; owner < ids.size(); ++owner) protocols.push_back(protocol_of(owner));
+  Receivers receivers(protocols);
   const auto print = [&](TimeNs time_ns, std::size_t client, std::size_t direction, bool delivered,
                          const link::FrameReading& read) {
     const auto way = static_cast<link::Direction>(direction);
-    const std::string meaning = read.ok ? MeaningOf(protocol_of(client), way, read.payload) : "";
+    const std::string meaning = read.ok ? MeaningOf(protocol_of(client), way, read.payload) +
+                                              receivers.Refusal({client, way}, delivered, read.payload)
+                                        : "";
     Print(stdout, "{:>14.9f} {}{:<9} {:<9} {:<16} {:3} {}{}{}\n", ToSeconds(time_ns),
           ids.size() > 1 ? ids[client] + " " : "", DirectionText(scenario, {client, way}),
           delivered ? "delivered" : "sent", read.status, read.payload.size(),
-          fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  = ", meaning);
+          fmt::format("{:02x}", fmt::join(read.payload, "")), meaning.empty() ? "" : "  =", meaning);
   };
   Print(stdout, "# begin_s {}direction side status bytes payload = {}\n", ids.size() > 1 ? "client " : "",
         protocol == nullptr ? "floats" : "message");

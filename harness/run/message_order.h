@@ -5,7 +5,7 @@
 //   stamps.Write(type, now, values);                 // once for each message
 //
 //   MessageOrder order(protocol);                    // of one receiver
-//   if (!order.Takes(message)) Refuse(link::MessageStatus::kStale);
+//   const link::MessageStatus status = order.Decode(link::Direction::kToPlant, payload, message);  // kStale, too
 //
 // The number on the line wraps at the size of its type. Of two numbers the newer one is less than half of that range
 // ahead of the other.
@@ -38,6 +38,13 @@ class MessageOrder {
  public:
   // `protocol` must outlive it, and has the types of all messages.
   explicit MessageOrder(const link::Protocol& protocol);
+
+  // As Protocol::Decode, and kStale for a good message that is not newer.
+  link::MessageStatus Decode(link::Direction direction, std::span<const std::uint8_t> payload,
+                             link::Message& message) {
+    const link::MessageStatus status = protocol_->Decode(direction, payload, message);
+    return status == link::MessageStatus::kOk && !Takes(message) ? link::MessageStatus::kStale : status;
+  }
 
   // False for a stale message. A start that means a boot is never stale, and all types begin again with it.
   bool Takes(const link::Message& message) { return !is_used_ || Judge(message); }

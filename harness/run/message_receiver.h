@@ -60,8 +60,7 @@ class MessageReceiver {
   }
   Frame Check(const link::FrameReading& read) {
     if (!read.ok) return {number_, read.status, {}, nullptr};
-    link::MessageStatus status = protocol_->Decode(direction_, read.payload, message_);
-    if (status == link::MessageStatus::kOk && !order_.Takes(message_)) status = link::MessageStatus::kStale;
+    const link::MessageStatus status = order_.Decode(direction_, read.payload, message_);
     if (status != link::MessageStatus::kOk) return {number_, Name(status), read.payload, nullptr};
     return {number_, {}, read.payload, &message_};
   }

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The program as a user runs it. Usage: cli_test.py TILTPROOF SOURCE_DIR CLIENTS_DIR"""
+import collections
 import json
 import os
 import pathlib
@@ -76,6 +77,10 @@ class CliTest(CommandLineTest):
         self.assertAlmostEqual(values["tau_r_nm"], -0.5)
         self.assertEqual(self.tiltproof("frame", "encode", "--protocol", "own.yaml", command.hex()),
                          (0, cobs(command + crc(command)).hex() + "\n", ""))
+        # The same command again, one that is older, one ahead: a receiver refuses the first two.
+        ahead = [struct.pack("<BHiB", 3, 12345, -500, number) for number in (7, 7, 250, 8)]
+        code, out, _ = self.tiltproof("frame", "decode", "--protocol", "own.yaml", stdin=b"".join(cobs(one + crc(one)) for one in ahead))
+        self.assertEqual([json.loads(line)["messages"][0]["status"] for line in out.splitlines()], ["ok", "stale", "stale", "ok"])
         damaged = stream[:-3] + bytes([stream[-3] ^ 1]) + stream[-2:]
         code, out, _ = self.tiltproof("frame", "decode", "--protocol", "own.yaml", stdin=damaged)
         self.assertEqual((code, json.loads(out.splitlines()[1])["status"]), (1, "bad_checksum"))
@@ -400,6 +405,24 @@ class CliTest(CommandLineTest):
         damaged = self.folder / "damaged.bin"
         damaged.write_bytes((self.latest() / "hover/link.bin").read_bytes()[:-1])
         self.assertEqual(self.tiltproof("link-dump", damaged)[0], 2)
+
+    def test_link_dump_says_which_messages_the_receiver_refused(self):
+        faults = "\n".join(f"  - {{id: {kind}, type: frame.{kind}, target: to_client, start_s: 0.3, end_s: 0.8, parameters: {parameters}}}"
+                           for kind, parameters in (("replay_stale", "{probability: 0.2, age_count: 3}"),
+                                                    ("short", "{probability: 0.1, bytes_count: 3}"),
+                                                    ("semantic", "{probability: 0.2, field: z_m, kind: nan}")))
+        self.tiltproof("run", self.scenario("hover", **{"seed: 3": f"seed: 3\nlink: {{protocol: hardened}}\nfaults:\n{faults}"}), "--no-report")
+        flight = self.latest() / "hover"
+        lines = self.tiltproof("link-dump", flight / "link.bin")[1].splitlines()[1:]
+        delivered = [line for line in lines if line.split()[1:4] == ["to_client", "delivered", "ok"]]
+        dumped = collections.Counter(match[1] if (match := re.search(r"  = .*\bstatus=(\w+)$", line)) else "ok" for line in delivered)
+        events = [json.loads(line) for line in (self.latest() / "events.jsonl").read_text().splitlines()]
+        rejected = collections.Counter(event["text"].removeprefix("to_client: ") for event in events
+                                       if event["kind"] == "rejected" and event["text"].startswith("to_client: "))
+        self.assertTrue({"stale"} < set(rejected), rejected)
+        accepted = dumped.pop("ok")
+        self.assertGreater(accepted, 20)
+        self.assertEqual(dumped, rejected)
 
     def test_a_null_fault_changes_nothing(self):
         null = {"seed: 3": "seed: 3\nfaults:\n  - {id: nothing, type: harness.null}"}
