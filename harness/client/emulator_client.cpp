@@ -163,6 +163,10 @@ class EmulatorClient final : public Client {
       const TimeNs until = clock_.At(horizon);
       DeliverDamaged(until);
       if (until < now_) return clock_.When(now_);  // it ran on while there was no answer yet
+      if (MayLeaveOut(until)) {
+        LeaveOut(until);
+        return horizon;
+      }
       const lockstep::Stopped stopped = board_->Run(
           {until, AnswerAfter(), LineAnswerAfter(), spec_.gdb_port == 0 ? limits_.LeftForTurn() : 0},
           [this](const EmulatorMessage& message) { OnMessage(message); });
@@ -288,6 +292,18 @@ class EmulatorClient final : public Client {
   }
 
   bool started() const { return origin_.known(); }
+
+  // A line to another board allows turns of a byte's time at most, and in nearly all of them the processor sleeps. A debugger may
+  // wake it.
+  bool MayLeaveOut(TimeNs until) const {
+    return !lines_.between.empty() && spec_.gdb_port == 0 && board_->SleepsBeyond(until);
+  }
+  // As after such a turn. The board comes as far with the next one that it flies.
+  void LeaveOut(TimeNs until) {
+    last_active_ = std::max(last_active_, now_);
+    now_ = until;
+    TransmitDamaged(until);
+  }
 
   // The frame's last byte takes a byte's time to the plant, and so does the answer's first byte on its way back. That
   // does not hold for a board whose clock drifts, nor for lines with faults, which may lose other bytes of the frame.

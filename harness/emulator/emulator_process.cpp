@@ -121,6 +121,7 @@ EmulatorProcess::~EmulatorProcess() {
 
 void EmulatorProcess::Append(lockstep::Kind kind, std::span<const std::byte> body) {
   Check(body.size() <= lockstep::kBodyBytesMax, "a command to the plug-in has a body of the allowed size");
+  if (kind != lockstep::Kind::kReadMemory) sleeps_until_ns_ = 0;
   const lockstep::Header header{kind, static_cast<std::uint32_t>(body.size())};
   const auto bytes = std::as_bytes(std::span(&header, 1));
   out_.insert(out_.end(), bytes.begin(), bytes.end());
@@ -177,7 +178,11 @@ lockstep::Stopped EmulatorProcess::Run(const lockstep::Run& run,
   for (bool first = true;; first = false) {
     const EmulatorMessage message = Next();
     if (first) together_->EndTurn();
-    if (message.kind == lockstep::Kind::kStopped) return message.As<lockstep::Stopped>();
+    if (message.kind == lockstep::Kind::kStopped) {
+      const auto stopped = message.As<lockstep::Stopped>();
+      sleeps_until_ns_ = stopped.sleeps_until_ns;
+      return stopped;
+    }
     on_message(message);
   }
 }

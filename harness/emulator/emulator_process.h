@@ -106,6 +106,10 @@ class EmulatorProcess {
   lockstep::Stopped Run(const lockstep::Run& run,
                         const std::function<void(const EmulatorMessage&)>& on_message);
 
+  // A turn until then changes nothing and may be left out: the processor sleeps, by itself for longer than that, and has been sent
+  // nothing since its last turn.
+  bool SleepsBeyond(TimeNs until_ns) const { return sleeps_until_ns_ > until_ns; }
+
   // Processor time that it has used since its start, with all of its threads (harness/process/own_time.h).
   TimeNs ProcessorTime() const;
 
@@ -142,6 +146,7 @@ class EmulatorProcess {
   std::vector<std::byte> out_;
   std::vector<std::uint8_t> in_;
   std::size_t in_taken_ = 0;
+  TimeNs sleeps_until_ns_ = 0;
   std::string errors_;
 };
 

@@ -14,7 +14,7 @@
 
 namespace tiltproof::harness::lockstep {
 
-inline constexpr std::uint32_t kProtocolVersion = 11;
+inline constexpr std::uint32_t kProtocolVersion = 12;
 inline constexpr std::uint32_t kBodyBytesMax = 1 << 20;
 
 enum class Kind : std::uint32_t {
@@ -186,6 +186,8 @@ struct Event {
 struct Stopped {
   std::int64_t at_ns;
   std::int64_t last_slept_ns;  // when the processor last slept (WFI) or was stopped
+  // Until then the processor sleeps and nothing happens on the board, unless the harness sends something. at_ns: it may act at once.
+  std::int64_t sleeps_until_ns;
   // It is past all help (ARMv7-M ARM, section B1.5.15). Only its state can be read.
   bool locked_up;
 };

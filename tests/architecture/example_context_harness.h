@@ -301,6 +301,10 @@ extern const harness::lockstep::Run run;
 void AtLimit(void* cpu, RunOnCpuData data);
 void Stop();
 
+// harness/emulator/plugin/turn_sleep.h
+extern TurnSleep turn_sleep;
+extern const std::int64_t deadline_ns;
+
 // harness/emulator/plugin/usart.h
 extern UsartUnit usart;
 extern const ClockTree clocks;

@@ -163,6 +163,8 @@ void SendStacks() {
 void BeginTurn(const Run& run) {
   if (readers.Renew()) async_run_on_cpu(plugin.cpu, SleepOnWork, {});
   plugin.run = run;
+  plugin.horizon.Cancel();
+  plugin.turn_sleep.Begin(Now(), qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute));
   plugin.horizon.Set(plugin.run.until_ns);
   plugin.turn_resets_count = 0;
   plugin.turn_limit.Begin(plugin.run.processor_ns);
@@ -226,7 +228,7 @@ void Stop() {
     SendUnsent(uart);
     if (uart.unit != nullptr) SendRegisters(uart);
   }
-  const Stopped stopped{Now(), plugin.last_slept_ns, plugin.locked_up};
+  const Stopped stopped{Now(), plugin.last_slept_ns, plugin.turn_sleep.Until(Now()), plugin.locked_up};
   plugin.socket.Send(Kind::kStopped, &stopped, sizeof(stopped));
   ReadCommands();
 }

@@ -22,6 +22,7 @@
 #include "harness/emulator/plugin/parts.h"
 #include "harness/emulator/plugin/realtime_board.h"
 #include "harness/emulator/plugin/turn_limit.h"
+#include "harness/emulator/plugin/turn_sleep.h"
 #include "link/frame_cutter.h"
 
 namespace tiltproof::qemu {
@@ -54,6 +55,7 @@ struct Plugin {
   void (*end_turn)() = nullptr;  // before its horizon
   int turn_resets_count = 0;     // of the firmware, by itself
   TurnLimit turn_limit;
+  TurnSleep turn_sleep;
   Timer horizon;
   std::deque<Stall> stalls;  // by begin
   Timer stall_timer;

@@ -34,6 +34,7 @@ inline void SleepWork(void* cpu, RunOnCpuData data) {
   if (cpu_is_stopped(cpu)) return;
   const std::int64_t next = qemu_clock_deadline_ns_all(kClockVirtual, kAnyAttribute);
   if (!all_cpu_threads_idle() || next < 0) return;
+  plugin.turn_sleep.Sleeps(Now());
   Advance(next);
   async_run_on_cpu(cpu, SleepWork, data);
   qemu_clock_run_timers(kClockVirtual);
