@@ -121,6 +121,8 @@ static void misbehave(const char* how) {
   if (strcmp(how, "hang") == 0 || strcmp(how, "hang_blocked") == 0)
     for (volatile int forever = 1; forever;) {
     }
+  if (strcmp(how, "asleep") == 0)
+    for (volatile int forever = 1; forever;) pause();
   if (strcmp(how, "abort") == 0) abort();
   if (strcmp(how, "assertion") == 0) assert(how == NULL);
   if (strcmp(how, "smash") == 0) smash();
