@@ -112,8 +112,8 @@ static void on_frame(TiltproofClient* client) {
   if (is(client, "loop")) {
     size_t zeros = 0;
     while (zeros < size && bytes[zeros] == 0) ++zeros;
-    for (volatile int forever = zeros == size; forever;) {
-    }
+    /* Asleep: its time passes all the same, and no processor is busy. */
+    for (volatile int forever = zeros == size; forever;) pause();
   }
   if (is(client, "smashed") && size > 64 && size <= 76) copy_frame(bytes, size);
   if (is(client, "hasty") && size < 10) client->hasty = 1;

@@ -13,7 +13,8 @@ CLIENT = f"library:{pathlib.Path(sys.argv[2]).resolve() / 'libcareless_client.so
 
 
 class FuzzTest(CommandLineTest):
-    def fuzz(self, build, *more, out="out", runs=6000):
+    # The defects are found within 160 inputs. The others show that the same defect is no second finding.
+    def fuzz(self, build, *more, out="out", runs=1500):
         client = () if "--client" in more else ("--client", CLIENT)
         return self.tiltproof("fuzz", *client, "--firmware", build, "--runs", runs, "--out", out, *more, timeout=300)
 
@@ -79,8 +80,8 @@ class FuzzTest(CommandLineTest):
         self.assertRegex(finding["reason"], r"restarted at 0\.\d+ s \(it sent `start` again\), which no fault asked for")
 
     def test_what_it_executes_leads_the_search(self):
-        # Others find it a little later.
-        seed, runs = ("--seed", 1), 60000
+        # With other seeds it takes up to 45 000 inputs.
+        seed, runs = ("--seed", 12), 6000
         code, out, err = self.fuzz("secret", *seed, "--client", CLIENT.replace("careless_client", "careless_blind_client"), out="blind", runs=runs)
         self.assertEqual((code, self.summary("blind")["coverage"], self.summary("blind")["findings"]), (0, False, []), out + err)
         code, out, err = self.fuzz("secret", *seed, runs=runs)
@@ -89,14 +90,14 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(finding["kind"], "crash")
 
     def test_a_damaged_stack_guard_is_named(self):
-        code, out, err = self.fuzz("smashed", runs=3000)
+        code, out, err = self.fuzz("smashed", runs=1000)
         self.assertEqual(code, 1, out + err)
         (finding,) = self.summary()["findings"]
         self.assertEqual(finding["kind"], "crash")
         self.assertRegex(finding["reason"], r"damaged a stack guard .*stack smashing detected.* in tiltproof_client_\w+ at libcareless_client\.so\+0x\w+")
 
     def test_a_heap_that_the_harness_finds_damaged_is_a_crash(self):
-        code, out, err = self.fuzz("overrun", runs=3000)
+        code, out, err = self.fuzz("overrun", runs=1000)
         self.assertEqual(code, 1, out + err)
         (finding,) = [one for one in self.summary()["findings"] if "noticed outside its code" in one["reason"]]
         self.assertEqual(finding["kind"], "crash")
@@ -110,7 +111,7 @@ class FuzzTest(CommandLineTest):
         self.assertTrue(self.summary()["complete"])
 
     def test_two_crashes_are_told_apart_by_their_places(self):
-        code, out, err = self.fuzz("twofold", runs=6000)
+        code, out, err = self.fuzz("twofold")
         self.assertEqual(code, 1, out + err)
         findings = self.summary()["findings"]
         self.assertEqual([(one["kind"], one["confirmed"], one["inputs"]) for one in findings], 2 * [("crash", True, 1)])
@@ -122,7 +123,7 @@ class FuzzTest(CommandLineTest):
         self.assertIn(places[0], (self.folder / "results/latest/results.json").read_text())
 
     def test_a_crash_when_it_is_destroyed_is_found(self):
-        code, out, err = self.fuzz("leaves", runs=3000)
+        code, out, err = self.fuzz("leaves", runs=1000)
         self.assertEqual(code, 1, out + err)
         (finding,) = self.summary()["findings"]
         self.assertRegex(finding["reason"], r"^after the flight: the firmware crashed in tiltproof_client_destroy: Aborted at libcareless_client\.so\+0x")
@@ -146,13 +147,13 @@ class FuzzTest(CommandLineTest):
 
     def test_the_same_seed_finds_the_same_with_any_number_of_jobs(self):
         def all_of(out, *more):
-            self.fuzz("careless", "--seed", 5, *more, out=out, runs=3000)
+            self.fuzz("careless", "--seed", 5, *more, out=out, runs=1000)
             summary = self.summary(out)
             return ([(one["name"], one["executions"], one["flights"], one["bytes"]) for one in summary["findings"]], summary["executions"],
                     summary["features"], [re.sub(rf"\b{out}/", "", (self.folder / one["file"]).read_text()) for one in summary["findings"]])
         first = all_of("a")
         self.assertEqual(first, all_of("b", "-j", 2))
-        self.assertNotEqual(first[1], (self.fuzz("careless", "--seed", 6, out="c", runs=3000), self.summary("c")["executions"])[1])
+        self.assertNotEqual(first[1], (self.fuzz("careless", "--seed", 6, out="c", runs=1000), self.summary("c")["executions"])[1])
 
     def test_it_says_what_the_firmware_cannot_do_by_itself(self):
         code, out, err = self.fuzz("broken")
@@ -172,11 +173,11 @@ class FuzzTest(CommandLineTest):
         self.assertTrue((self.folder / finding["file"]).is_file())
 
     def test_what_cannot_be_written_is_printed(self):
-        self.fuzz("deaf", runs=3000)
+        self.fuzz("deaf", runs=1000)
         (finding,) = self.summary()["findings"]
         # A folder has the name of its file.
         (self.folder / "other" / "findings" / pathlib.Path(finding["file"]).name).mkdir(parents=True)
-        code, out, err = self.fuzz("deaf", out="other", runs=3000)
+        code, out, err = self.fuzz("deaf", out="other", runs=1000)
         self.assertEqual(code, 3, out + err)
         self.assertIn("not everything could be written: ", err)
         self.assertRegex(out, rf"{finding['name']} after \d+ inputs: talks-again")
@@ -184,7 +185,7 @@ class FuzzTest(CommandLineTest):
         self.assertEqual(self.summary("other")["executions"], self.summary()["executions"])
 
     def test_a_hang_that_costs_no_time_does_not_end_the_search(self):
-        code, out, err = self.fuzz("hasty", runs=6000)
+        code, out, err = self.fuzz("hasty")
         self.assertEqual(code, 1, out + err)
         (finding,) = self.summary()["findings"]
         self.assertIn("lets no time pass", finding["reason"])
@@ -203,7 +204,7 @@ class FuzzTest(CommandLineTest):
         self.assertIn("(not made as small as it could be)", out)
 
     def test_a_corpus_is_flown_first(self):
-        self.fuzz("careful", "--seed", 2)
+        self.fuzz("careful", "--seed", 2, runs=6000)
         before, files = self.summary(), sorted((self.folder / "out" / "corpus").iterdir())
         code, out, err = self.fuzz("careful", "--seed", 2, runs=1)
         after = self.summary()
@@ -224,7 +225,7 @@ class FuzzTest(CommandLineTest):
         self.assertIn("--firmware careful", err)
 
     def test_what_was_found_before_is_flown_first(self):
-        self.fuzz("twofold", runs=6000)
+        self.fuzz("twofold")
         names = sorted(one["name"] for one in self.summary()["findings"])
         self.assertEqual(len(names), 2)
         texts = {path: path.read_text() for path in (self.folder / "out" / "findings").iterdir()}
@@ -253,7 +254,7 @@ class FuzzTest(CommandLineTest):
         self.assertRegex(err, r"out/findings/crash-00000000\.yaml: no finding of `tiltproof fuzz`: .*; fix or remove it")
 
     def test_what_was_made_small_stays_small(self):
-        self.fuzz("deaf", runs=3000)
+        self.fuzz("deaf", runs=1000)
         (small,) = self.summary()["findings"]
         path = self.folder / small["file"]
         text = path.read_text()
