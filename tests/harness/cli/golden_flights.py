@@ -1,5 +1,4 @@
 """What a flight was, without what the log has besides: a digest of the vehicle's motion and inputs, for tests/golden/flights.json."""
-import csv
 import hashlib
 import json
 import pathlib
@@ -14,12 +13,13 @@ def digest(trace):
     """Of the texts in these columns, which hold every bit of the numbers."""
     result = hashlib.sha256()
     with open(trace, newline="") as file:
-        rows = csv.reader(file)
-        header = next(rows)
+        header = next(file).rstrip("\r\n").split(",")  # the csv module takes twice as long, and no field has quotes
         columns = COLUMNS if set(COLUMNS) <= set(header) else header[: header.index("x_ref_m")]
         places = [header.index(column) for column in columns]
-        for row in rows:
-            result.update((",".join(row[place] for place in places) + "\n").encode())
+        behind = max(places) + 1
+        for row in file:
+            texts = row.rstrip("\r\n").split(",", behind)
+            result.update((",".join([texts[place] for place in places]) + "\n").encode())
     return result.hexdigest()[:16]
 
 
