@@ -108,7 +108,10 @@ EmulatedBoard::EmulatedBoard(NodeServices& services, const Scenario& scenario, c
   lost_ticks_.emplace(*memory_);
   child.descriptors = {control_far.get(), debugger_far.get(), memory_file.get()};
   process_.emplace(services, child, [this](const std::string& how) { OnEnded(how); });
-  const auto lost = [this](const std::string& why) { socket_trouble_ = why; };
+  const auto lost = [this](const std::string& why) {
+    socket_trouble_ = why;
+    socket_trouble_since_ = steady_clock::now();
+  };
   qmp_.emplace(services.loop(), control.Release(),
                QmpClient::Callbacks{.event =
                                         [this](const std::string& name, const std::string& data) {
@@ -206,8 +209,8 @@ void EmulatedBoard::Watch(bool started) {
   NoteLostTicks();
   if (processor_) processor_->Watch();
   if (paused_) silent_for_good_reason_ = steady_clock::now();
-  // When QEMU ends, that is told by its end.
-  if (!socket_trouble_.empty() && process_->child().Alive())
+  // QEMU that ends closes its sockets some time before. Its end tells the reason.
+  if (!socket_trouble_.empty() && steady_clock::now() - socket_trouble_since_ > kAnswerLimit)
     return Lose(EndReason::kNodeLost,
                 fmt::format("the emulator accepts no command any more: {}", socket_trouble_));
   const auto waiting =

@@ -128,6 +128,7 @@ class EmulatedBoard {
   bool halted_ = false;  // the processor and its clock, by QEMU
   std::chrono::steady_clock::time_point silent_for_good_reason_;
   std::string socket_trouble_;
+  std::chrono::steady_clock::time_point socket_trouble_since_;
   bool lost_ = false;
   std::optional<OneProcessor> processor_;
   std::optional<CpuWaitWatch> wait_watch_;

@@ -4,8 +4,10 @@
 Usage: broken_images_test.py TILTPROOF SOURCE-FOLDER
 """
 import json
+import os
 import pathlib
 import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -84,10 +86,10 @@ class Images(unittest.TestCase):
                         "-T", script, folder / "main.c", "-o", elf], check=True)
         return elf
 
-    def run_tiltproof(self, elf, *flags, scenario=None):
+    def run_tiltproof(self, elf, *flags, scenario=None, environment=None):
         out = self.root / f"out-{self.id().split('.')[-1]}-{elf.stem}"
         done = subprocess.run([str(TILTPROOF), "run", str(scenario or self.scenario), "--client", f"qemu:{elf}", "--out", str(out), "--no-progress", *flags],
-                              capture_output=True, text=True, timeout=120)
+                              capture_output=True, text=True, timeout=120, env=environment)
         return done, out / "latest"
 
     def refusal(self, elf):
@@ -98,8 +100,8 @@ class Images(unittest.TestCase):
         print(f"\n    {done.stderr.strip()}", file=sys.stderr)
         return done.stderr
 
-    def fly(self, code, flags=(), realtime=False):
-        done, folder = self.run_tiltproof(self.image(code, flags=flags), *(["--mode", "realtime"] if realtime else []))
+    def fly(self, code, flags=(), realtime=False, environment=None):
+        done, folder = self.run_tiltproof(self.image(code, flags=flags), *(["--mode", "realtime"] if realtime else []), environment=environment)
         self.assertTrue(folder.exists(), done.stdout + done.stderr)
         [result] = json.loads((folder / "results.json").read_text())["scenarios"]
         log = "".join(file.read_text() for file in folder.glob("**/firmware.log"))
@@ -330,7 +332,29 @@ static void Main(void) {
         self.assertIn("USART2 (main line) is off; USART6 (not connected) has sent 1 byte", result["reason"])
 
 
+# Ends half a second after its sockets are closed, as the emulator may on a busy machine.
+LATE_END = """#!/bin/sh
+case "$*" in *--version*) exec "{qemu}" "$@" ;; esac
+"{qemu}" "$@" &
+exec 3>&- 4>&- 5>&-
+wait $!
+sleep 0.5
+kill -ABRT $$
+"""
+
+
 class RealTime(Images):
+    def test_a_lock_up_is_told_when_the_emulator_ends_behind_its_sockets(self):
+        code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
+#define IN_HANDLER __asm volatile("udf #2");"""
+        late = self.root / "late/qemu-system-arm"
+        late.parent.mkdir(exist_ok=True)
+        late.write_text(LATE_END.format(qemu=shutil.which("qemu-system-arm")))
+        late.chmod(0o755)
+        result, _ = self.fly(code, realtime=True, environment={**os.environ, "PATH": f"{late.parent}:{os.environ['PATH']}"})
+        self.assertEqual(result["verdict"], "fail", result["reason"])
+        self.assertIn("the processor locked up at HardFault_Handler", result["reason"])
+
     def test_a_lock_up_and_a_firmware_that_never_starts_are_told_with_their_lines(self):
         code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
 #define IN_HANDLER __asm volatile("udf #2");"""
