@@ -593,8 +593,8 @@ extern std::span<const double> row;
 // harness/run/message_order.h
 extern const link::MessageType& type;
 extern std::vector<double> values;
-extern const link::Message message;
-extern const examples::Function Refuse;
+extern const std::span<const std::uint8_t> payload;
+extern link::Message message;
 
 // harness/run/message_range.h
 extern const examples::Function Warn;
