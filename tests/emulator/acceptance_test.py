@@ -3,7 +3,7 @@
 them those that a library cannot.
 
 The library of the same firmware passes the others (tests/harness/cli/acceptance_test.py). Where little depends on the board's own time, the image
-flies a shorter flight with the same fault, and within a centimetre of the library.
+flies a shorter flight with the same fault, and stays within a centimetre of the library.
 
 Usage: acceptance_test.py TILTPROOF FOLDER-OF-IMAGES SOURCE-FOLDER
 """

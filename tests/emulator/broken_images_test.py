@@ -344,21 +344,20 @@ kill -ABRT $$
 
 
 class RealTime(Images):
-    def test_a_lock_up_is_told_when_the_emulator_ends_behind_its_sockets(self):
-        code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
+    LOCKS_UP = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
 #define IN_HANDLER __asm volatile("udf #2");"""
+
+    def test_a_lock_up_is_told_when_the_emulator_ends_behind_its_sockets(self):
         late = self.root / "late/qemu-system-arm"
         late.parent.mkdir(exist_ok=True)
         late.write_text(LATE_END.format(qemu=shutil.which("qemu-system-arm")))
         late.chmod(0o755)
-        result, _ = self.fly(code, realtime=True, environment={**os.environ, "PATH": f"{late.parent}:{os.environ['PATH']}"})
+        result, _ = self.fly(self.LOCKS_UP, realtime=True, environment={**os.environ, "PATH": f"{late.parent}:{os.environ['PATH']}"})
         self.assertEqual(result["verdict"], "fail", result["reason"])
         self.assertIn("the processor locked up at HardFault_Handler", result["reason"])
 
     def test_a_lock_up_and_a_firmware_that_never_starts_are_told_with_their_lines(self):
-        code = """static void Main(void) { __asm volatile("udf #1\\n\\tnop"); }
-#define IN_HANDLER __asm volatile("udf #2");"""
-        result, _ = self.fly(code, realtime=True)
+        result, _ = self.fly(self.LOCKS_UP, realtime=True)
         self.assertRegex(result["reason"], r"the processor locked up at HardFault_Handler \(main\.c:\d+\), in the hard fault's handler: "
                                            r"usage fault: undefined instruction by HardFault_Handler")
         result, _ = self.fly("static void Main(void) { for (;;) {} }", realtime=True)

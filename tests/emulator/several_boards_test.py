@@ -17,7 +17,7 @@ del sys.argv[1:3]
 # The crystal of board a loses 37.5 ppm, that of board c gains 50, as real ones may.
 CLIENTS = [f"a=qemu:{IMAGES / 'executive-tolerant.elf'},hse=7999700", f"b=qemu:{IMAGES / 'executive-tolerant.elf'}",
            f"c=qemu:{IMAGES / 'executive-tolerant.elf'},hse=8000400"]
-REPEATS_COUNT = 2
+REPEATS_COUNT = 3
 
 THREE = """\
 name: three

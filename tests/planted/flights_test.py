@@ -85,7 +85,7 @@ class Flights(unittest.TestCase):
 
     @unittest.skipIf(not IMAGES, "no cross compiler, or no emulator")
     def test_fuzz_sees_an_image_hang_again(self):
-        # It hangs within some dozens of inputs.
+        # The hang is found within some dozens of inputs.
         done, summary = self.fuzz("endless_loop", 200, f"qemu:{IMAGES[0]}/planted_{{}}.elf")
         self.assertEqual(done.returncode, 1, done.stdout + done.stderr)
         hang = next(finding for finding in summary["findings"] if finding["kind"] == "hang")
