@@ -25,6 +25,8 @@ class LostTicks {
     void* timer = object_resolve_path("systick-reg-ns", nullptr);
     if (controller == nullptr || timer == nullptr || pthread_getcpuclockid(processor, &processor_clock_) != 0)
       Die("the machine has no SysTick where it should be");
+    rule_ =
+        TickRule({.at_ns = TimeOf(CLOCK_MONOTONIC), .run_ns = TimeOf(processor_clock_), .pending = false});
     registers_ = sysbus_mmio_get_region(controller, 0);
     input_ = qdev_get_gpio_in_named(controller, "systick-trigger", 0);
     qdev_connect_gpio_out_named(timer, "sysbus-irq", 0, qemu_allocate_irq(OnTick, this, 0));

@@ -25,13 +25,16 @@ class TickRule {
     std::int64_t begin_ns, end_ns;
   };
 
+  // `began`: when the processor began to run; nothing was lost before.
+  explicit TickRule(const Now& began = {}) : before_(began), idle_since_ns_(began.at_ns) {}
+
   // To be called at each tick, in order of time. A span when this machine took the tick.
   std::optional<Span> Tick(const Now& now);
 
  private:
-  Now before_{};  // the tick before
+  Now before_;  // the tick before
   // The last tick before those that came at once with that one, if the thread hardly ran since it; otherwise that one.
-  std::int64_t idle_since_ns_ = 0;
+  std::int64_t idle_since_ns_;
 };
 
 }  // namespace tiltproof::qemu

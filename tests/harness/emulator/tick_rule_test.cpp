@@ -194,5 +194,15 @@ RC_GTEST_PROP(TickRule, TellsWhatTheMachineTook, ()) {
   }
 }
 
+// The clock counts from the start of the machine, long before.
+TEST(TickRule, NothingWasLostBeforeTheProcessorRan) {
+  constexpr std::int64_t kBegan = 79'924 * std::int64_t{1'000'000'000};
+  TickRule rule({.at_ns = kBegan, .run_ns = kMs, .pending = false});
+  EXPECT_FALSE(rule.Tick({.at_ns = kBegan + 30 * kMs, .run_ns = 2 * kMs, .pending = false}));
+  const auto lost = rule.Tick({.at_ns = kBegan + 30 * kMs + 10 * kUs, .run_ns = 2 * kMs, .pending = true});
+  ASSERT_TRUE(lost);
+  EXPECT_EQ(lost->begin_ns, kBegan);
+}
+
 }  // namespace
 }  // namespace tiltproof::qemu
