@@ -68,6 +68,16 @@ std::size_t PlaceOfLine(const Scenario& scenario, const std::string& client, std
   return static_cast<std::size_t>(end - ends.begin());
 }
 
+// The lines to other boards that the client's text names.
+std::vector<std::string> NamedLines(const ClientSpec& client) {
+  std::vector<std::string> lines;
+  if (const auto* image = std::get_if<EmulatedImage>(&client))
+    for (const auto& named : image->line_usarts) lines.push_back(named.first);
+  if (const auto* board = std::get_if<SerialBoard>(&client))
+    for (const auto& named : board->line_devices) lines.push_back(named.first);
+  return lines;
+}
+
 // Lines between boards that the clients cannot have.
 void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec>& clients, bool realtime,
                           std::vector<Problem>& problems) {
@@ -79,18 +89,16 @@ void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec
       const std::string text = fmt::format("lines: '{}': {}", entry.id, why);
       problems.push_back({fmt::format("{}: {}", place, text), text});
     };
-    if (realtime) {
-      complain(
-          "lines between boards have virtual time only, because no node carries them in real time; fly it in "
-          "lockstep");
-      continue;
-    }
     for (const std::string& id : entry.between) {
       const ClientSpec& client = clients.at(scenario.FindClient(id).value());
       const auto* image = std::get_if<EmulatedImage>(&client);
       const auto* program = std::get_if<LockstepProgram>(&client);
       if (image != nullptr && !LineUsart(*image, entry.id, PlaceOfLine(scenario, id, line)))
         complain(fmt::format("the image of client '{}' has no USART for it: add ,{}=usartN to --client", id,
+                             entry.id));
+      const auto* board = std::get_if<SerialBoard>(&client);
+      if (board != nullptr && realtime && !board->line_devices.contains(entry.id))
+        complain(fmt::format("the board of client '{}' has no device for it: add ,{}=DEV to --client", id,
                              entry.id));
       if (program != nullptr && program->clocked)
         complain(
@@ -100,11 +108,8 @@ void FindUnconnectedLines(const Scenario& scenario, const std::vector<ClientSpec
     }
   }
   for (std::size_t i = 0; i < clients.size(); ++i) {
-    const auto* image = std::get_if<EmulatedImage>(&clients[i]);
-    if (image == nullptr) continue;
     const std::vector<LineEndId> ends = scenario.line_ends_of(i);
-    for (const auto& named : image->line_usarts) {
-      const std::string& line = named.first;
+    for (const std::string& line : NamedLines(clients[i])) {
       if (std::none_of(ends.begin(), ends.end(),
                        [&](const LineEndId& end) { return scenario.lines[end.line].id == line; })) {
         const std::string why =
@@ -418,11 +423,6 @@ std::vector<NotApplicable> RemoveNotApplicable(const FlightMeans& means, bool st
         FindLargeHeading(scenario, i, problems);
       }
       FindUntold(scenario, i, clients[i], images, problems);
-    }
-    if (means.realtime && scenario.arbiter.type == ArbiterType::kActiveClaims) {
-      const std::string text = "arbiter: active_claims needs the clients' roles, which only lockstep carries";
-      problems.push_back(
-          {(scenario.arbiter_place.empty() ? scenario.name : scenario.arbiter_place) + ": " + text, text});
     }
     if (problems.empty()) return false;
     NotApplicable other{.name = entry.scenario.name, .reason = {}, .why = problems.front().why};

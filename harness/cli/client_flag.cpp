@@ -128,12 +128,23 @@ void CheckFirmwareFile(const ClientSpec& client) {
     throw UsageError(fmt::format("--client {}: {}", ToText(client), *mistake));
 }
 
-void CheckPorts(const ClientSpec& client, const LinkSpec& link) {
+void CheckPorts(const ClientSpec& client, const Scenario& scenario) {
   const auto* board = std::get_if<SerialBoard>(&client);
   if (board == nullptr) return;
   boost::asio::io_context loop;
-  std::vector<std::unique_ptr<link::SerialPort>> ports;  // both at once, as in flight
-  for (const std::string& device : {board->device, board->reference_device}) {
+  struct Port {
+    std::string device;
+    std::int64_t baud;
+    link::CharacterFormat character;
+  };
+  const LinkSpec& link = scenario.link;
+  std::vector<Port> wanted = {{board->device, link.port_baud(), link.character},
+                              {board->reference_device, link.reference_port_baud(), link.character}};
+  for (const LineEntry& line : scenario.lines)
+    if (const auto device = board->line_devices.find(line.id); device != board->line_devices.end())
+      wanted.push_back({device->second, line.baud, {}});
+  std::vector<std::unique_ptr<link::SerialPort>> ports;  // all at once, as in flight
+  for (const auto& [device, baud, character] : wanted) {
     if (device.empty()) continue;
     const bool is_socket = link::IsSocketName(device);
     try {
@@ -141,8 +152,7 @@ void CheckPorts(const ClientSpec& client, const LinkSpec& link) {
       if (const auto trouble = is_socket ? link::SocketTrouble(device) : std::nullopt)
         throw std::runtime_error(*trouble);
       if (is_socket) continue;
-      ports.push_back(std::make_unique<link::SerialPort>(
-          loop, device, ports.empty() ? link.port_baud() : link.reference_port_baud(), link.character));
+      ports.push_back(std::make_unique<link::SerialPort>(loop, device, baud, character));
     } catch (const std::runtime_error& error) {
       const std::string text = fmt::format("--client {}: {}", ToText(client), error.what());
       std::error_code ignored;

@@ -35,7 +35,7 @@ void CheckFirmwareFile(const ClientSpec& client);
 // Checks that a board's ports can be used, before anything is flown. A flag that names no device is an error
 // in the command line (UsageError); a device that is busy or not permitted is a failure of the target
 // (std::runtime_error).
-void CheckPorts(const ClientSpec& client, const LinkSpec& link);
+void CheckPorts(const ClientSpec& client, const Scenario& scenario);
 
 // Identifies the build of this program and of the clients' firmware (harness/report/build_id.h).
 std::string BuildOf(const RunClients& clients);

@@ -318,7 +318,7 @@ int FuzzCommand(const FuzzOptions& options) {
   const FlightMeans means = FuzzMeans(options);
   const LoadedScenario base = LoadBase(options, means);
   CheckReady(means);
-  CheckPorts(means.clients.all, base.scenario.link);
+  CheckPorts(means.clients.all, base.scenario);
   const InterruptScope scope;
   return FuzzRun(options, means, base).Run();
 }

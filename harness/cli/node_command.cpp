@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 
 #include "harness/cli/client_flag.h"
@@ -28,10 +29,10 @@ namespace {
 struct NodeCommandOptions {
   std::string kind;
   std::string name;
-  std::string client;     // of client and link nodes
-  std::string client_id;  // the same, of several clients
-  std::string cable;      // the same, on two hosts
-  std::string input;      // of joystick nodes
+  std::string client;  // of client and link nodes
+  std::string id;      // the same, of several clients; or of a line
+  std::string cable;   // the same, on two hosts; of a line, both ends
+  std::string input;   // of joystick nodes
   int domain = 0;
   std::string tag;
   std::string interface;
@@ -49,7 +50,7 @@ constexpr int kLockstepSocket = 3;
 dds::NodeKind KindNamed(const std::string& kind) {
   using dds::NodeKind;
   for (const NodeKind node : {NodeKind::kPlant, NodeKind::kLink, NodeKind::kClient, NodeKind::kBaseStation,
-                              NodeKind::kJoystick, NodeKind::kMonitor}) {
+                              NodeKind::kJoystick, NodeKind::kMonitor, NodeKind::kLine}) {
     std::string name(Name(node));
     std::replace(name.begin(), name.end(), '_', '-');
     if (name == kind) return node;
@@ -126,9 +127,12 @@ void CheckFlags(const NodeCommandOptions& options) {
   const bool takes_client = options.kind == "client" || options.kind == "link";
   if (!options.client.empty() && !takes_client)
     throw UsageError(fmt::format("--client: a {} node has none", options.kind));
-  if (!options.client_id.empty() && !takes_client)
+  const bool is_line = options.kind == "line";
+  if (!options.id.empty() && !takes_client && !is_line)
     throw UsageError(fmt::format("--id: a {} node serves all clients", options.kind));
-  if (!options.cable.empty() && !takes_client)
+  if (options.id.empty() && is_line)
+    throw UsageError("--id is missing: the id of the line in the scenario's `lines`");
+  if (!options.cable.empty() && !takes_client && !is_line)
     throw UsageError(fmt::format("--cable: a {} node has none", options.kind));
   if (options.http_port && options.kind != "monitor")
     throw UsageError(fmt::format("--http: a {} node has no page; a monitor has one", options.kind));
@@ -136,6 +140,16 @@ void CheckFlags(const NodeCommandOptions& options) {
     throw UsageError(fmt::format("--run: a {} node has none; a monitor has one", options.kind));
   if (!options.input.empty() && options.kind != "joystick")
     throw UsageError(fmt::format("--input: a {} node has none", options.kind));
+}
+
+// A link node has none of the board's lines to others. Throws UsageError.
+void RefuseLines(const SerialBoard& board) {
+  if (board.line_devices.empty()) return;
+  const std::string& line = board.line_devices.begin()->first;
+  throw UsageError(
+      fmt::format("a link node has no line to another board: give the device of '{0}' to `tiltproof node "
+                  "line --id {0} --cable DEV,DEV`",
+                  line));
 }
 
 // The ends of the cables that this node has. Throws UsageError.
@@ -151,10 +165,29 @@ SerialBoard CableOf(const NodeCommandOptions& options, const std::optional<Clien
     throw UsageError("--cable: --client serial:DEV[,REFDEV] names the cables of a link node already");
   try {
     auto cable = std::get<SerialBoard>(ParseClient("serial:" + options.cable));
+    if (options.kind == "link") RefuseLines(cable);
     if (cable.reset.empty()) return cable;
   } catch (const ClientMistake&) {
   }
-  throw UsageError(fmt::format("--cable {}: must be DEVICE or DEVICE,DEVICE", options.cable));
+  throw UsageError(
+      fmt::format("--cable {}: must be DEVICE or DEVICE,DEVICE{}", options.cable,
+                  options.kind == "client" ? ", then ,LINE=DEVICE for each line to another board" : ""));
+}
+
+// The devices at the ends of a line; empty for an end of which the node makes the port. Throws UsageError.
+std::array<std::string, 2> EndsOf(const std::string& cable) {
+  std::array<std::string, 2> ends = {cable, ""};
+  if (const std::size_t comma = cable.find(','); comma != cable.npos)
+    ends = {cable.substr(0, comma), cable.substr(comma + 1)};
+  for (std::string& end : ends) {
+    if (end.empty() || end.find(',') != end.npos)
+      throw UsageError(
+          fmt::format("--cable {}: must be DEVICE,DEVICE, one for each end of the line in the order of "
+                      "`between`, with - for a client node without cables",
+                      cable));
+    if (end == "-") end.clear();
+  }
+  return ends;
 }
 
 int NodeCommand(const NodeCommandOptions& options) {
@@ -169,7 +202,7 @@ int NodeCommand(const NodeCommandOptions& options) {
               .peers = options.peers,
               .xmit_loss = options.xmit_loss};
   if (!options.child.empty()) node.harness = HarnessOf(options);
-  node.client_id = options.client_id;
+  node.id = options.id;
   node.load = LoadAnnounced;
 
   CheckFlags(options);
@@ -188,12 +221,17 @@ int NodeCommand(const NodeCommandOptions& options) {
               fmt::format("--client {}: a link node takes serial:DEV[,REFDEV], the cables to a board; "
                           "other clients are nodes of their own",
                           options.client));
+        RefuseLines(std::get<SerialBoard>(*node.client));
       }
       break;
     case dds::NodeKind::kClient:
       node.client = ReadClientFlag(options.client.empty() ? "host" : options.client);
       CheckFirmwareFile(*node.client);
       make_role = RoleOf(*node.client);
+      break;
+    case dds::NodeKind::kLine:
+      make_role = MakeLineRole;
+      if (!options.cable.empty()) node.end_devices = EndsOf(options.cable);
       break;
     case dds::NodeKind::kBaseStation:
       make_role = MakeBaseStationRole;
@@ -216,7 +254,7 @@ int NodeCommand(const NodeCommandOptions& options) {
     case dds::NodeKind::kHarness:
       ThrowBrokenInvariant("a kind of node that a user may start");
   }
-  if (!options.cable.empty()) node.cable = CableOf(options, node.client);
+  if (!options.cable.empty() && node.kind != dds::NodeKind::kLine) node.cable = CableOf(options, node.client);
   if (options.child.empty()) TellWhere(node, options.kind);
   return RunNode(node, make_role);
 }
@@ -226,21 +264,24 @@ int NodeCommand(const NodeCommandOptions& options) {
 void RegisterNode(CLI::App& program, CommandLine& line) {
   const auto options = std::make_shared<NodeCommandOptions>();
   CLI::App* command = program.add_subcommand("node", "Be one node of a distributed run, on this host");
-  command->add_option("KIND", options->kind, "plant, link, client, base-station, joystick or monitor")
+  command->add_option("KIND", options->kind, "plant, link, client, line, base-station, joystick or monitor")
       ->required()
-      ->check(CLI::IsMember({"plant", "link", "client", "base-station", "joystick", "monitor"}));
+      ->check(CLI::IsMember({"plant", "link", "client", "line", "base-station", "joystick", "monitor"}));
   command->add_option("--client", options->client,
                       "client: host, library:FILE, qemu[:ELF] or process:CMD; link: "
                       "serial:DEV[,REFDEV][,reset=HOW] of a board");
   command
-      ->add_option("--id", options->client_id,
-                   "client, link: the id of the client in scenarios with several; each has both nodes")
+      ->add_option(
+          "--id", options->id,
+          "client, link: the id of the client in scenarios with several; each has both nodes; line: the "
+          "id of the line between two clients")
       ->type_name("ID");
   command
       ->add_option(
           "--cable", options->cable,
-          "client, link: this node's ends of the serial cables between the two, on two hosts: main line "
-          "and line for references")
+          "client, link: this node's ends of the serial cables between the two, on two hosts: main line, "
+          "line for references, and of a client LINE=DEV for each line to another; line: DEV,DEV, the cables "
+          "to its ends, with - for a client node without cables")
       ->type_name("DEV[,REFDEV]");
   command->add_option("--input", options->input, "joystick: /dev/input/js0, an event device, or a recording");
   command->add_option("--name", options->name, "Name on the bus (default: kind, host and process)");

@@ -268,7 +268,7 @@ void CheckMeans(const SelectedFlights& flights) {
     else
       TestLockstep(LockstepPlugin());
   }
-  for (const ClientSpec& client : clients) CheckPorts(client, first.link);
+  for (const ClientSpec& client : clients) CheckPorts(client, first);
 }
 
 RunInfo RunInfoOf(const RunOptions& options, const SelectedFlights& flights) {

@@ -51,16 +51,26 @@ std::string HowToGetImages() {
              : "run `./setup --images`, which fetches the compiler and the emulator, and builds the images";
 }
 
-EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware,
-                     const link::Protocol& protocol) {
+EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol,
+                     std::size_t place, const std::vector<std::string>& lines) {
   const std::optional<link::FrameEnd> end = protocol.framing->frame_end();
   Check(end.has_value(), "frames of a protocol end with a flag, or have a length in front");
+  std::vector<int> line_usarts;
+  for (const std::string& line : lines) {
+    const auto usart = LineUsart(image, line, line_usarts.size());
+    if (!usart)
+      throw std::runtime_error(
+          fmt::format("{}: the line '{}' has no USART: add ,{}=usartN", ToText(image), line, line));
+    line_usarts.push_back(*usart);
+  }
   return {.image = ImageFile(image, firmware, DialectOf(protocol)).string(),
           .plugin = LockstepPlugin().string(),
           .main_usart = image.main_usart,
           .reference_usart = image.reference_usart,
           .console_usart = image.console_usart,
+          .line_usarts = line_usarts,
           .hse_hz = image.hse_hz,
+          .place = static_cast<std::uint32_t>(place),
           .frame_end = *end};
 }
 

@@ -34,7 +34,9 @@ std::filesystem::path FirmwareFile(const ClientSpec& client, const std::string& 
 // The way to get images of the shipped firmware that are not there, for a user.
 std::string HowToGetImages();
 
-// An emulated board with the image, which speaks this protocol.
-EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol);
+// An emulated board with the image, which speaks this protocol. `place`: its own among several; `lines`: ids of the lines
+// to other boards. Throws std::runtime_error when the image has no USART for one.
+EmulatorSpec BoardOf(const EmulatedImage& image, const std::string& firmware, const link::Protocol& protocol,
+                     std::size_t place = 0, const std::vector<std::string>& lines = {});
 
 }  // namespace tiltproof::harness

@@ -46,15 +46,9 @@ ProgramSpec SpecOf(const LockstepProgram& program, const ClientSettings& setting
 std::unique_ptr<Client> MakeClient(const ClientSpec& client, const ClientSettings& settings,
                                    ClientHost host) {
   if (const auto* image = std::get_if<EmulatedImage>(&client)) {
-    EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol);
-    board.place = static_cast<std::uint32_t>(settings.place);
-    for (const auto& [id, rate] : settings.lines.between) {
-      const auto usart = LineUsart(*image, id, board.line_usarts.size());
-      if (!usart)
-        throw std::runtime_error(
-            fmt::format("{}: the line '{}' has no USART: add ,{}=usartN", ToText(client), id, id));
-      board.line_usarts.push_back(*usart);
-    }
+    std::vector<std::string> lines;
+    for (const auto& [id, rate] : settings.lines.between) lines.push_back(id);
+    EmulatorSpec board = BoardOf(*image, settings.firmware, *settings.protocol, settings.place, lines);
     if (settings.debug) board.gdb_port = settings.debug->port;
     board.halted = settings.debug && !settings.debug->at_ns;
     board.coverage = settings.coverage;

@@ -1,7 +1,8 @@
 // The command of a program with serial ports, and the environment that it gets: the same under `process:` and `clocked:`.
 //
-//   const SerialProgram program = {.command = "./fw {port}", .port = "/dev/pts/3", .baud = 115200};
-//   Start(CommandOf(program), EnvironmentOf(program));   // "./fw /dev/pts/3", TILTPROOF_PORT=/dev/pts/3, ...
+//   const SerialProgram program = {.command = "./fw {port} {cross_port}", .port = "/dev/pts/3", .baud = 115200,
+//                                  .line_ports = {{"cross", "/dev/pts/5"}}};
+//   Start(CommandOf(program), EnvironmentOf(program));   // "./fw /dev/pts/3 /dev/pts/5", TILTPROOF_PORT=/dev/pts/3, ...
 #pragma once
 
 #include <string>
@@ -16,6 +17,7 @@ struct SerialProgram {
   long baud = 0, reference_baud = 0;
   std::string firmware, dialect;
   std::string parameters;  // TiltproofHost::parameters of firmware/tiltproof_client.h
+  std::vector<std::pair<std::string, std::string>> line_ports = {};  // to other boards: id and path
 };
 
 // The command for sh -c.

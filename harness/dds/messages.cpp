@@ -20,6 +20,8 @@ std::string_view Name(NodeKind kind) {
       return "joystick";
     case NodeKind::kMonitor:
       return "monitor";
+    case NodeKind::kLine:
+      return "line";
   }
   ThrowBrokenInvariant("a kind of node");
 }

@@ -45,7 +45,16 @@ struct List : std::vector<T> {
 using Names = List<std::string, kNamesCountMax>;
 using Payload = List<std::uint8_t, kPayloadBytesMax>;
 
-enum class NodeKind : std::uint8_t { kHarness, kPlant, kLink, kClient, kBaseStation, kJoystick, kMonitor };
+enum class NodeKind : std::uint8_t {
+  kHarness,
+  kPlant,
+  kLink,
+  kClient,
+  kBaseStation,
+  kJoystick,
+  kMonitor,
+  kLine
+};
 enum class Verb : std::uint8_t { kPrepare, kArm, kStart, kStop, kRelease, kInject };
 enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished, kFailed };
 
@@ -53,7 +62,7 @@ enum class Phase : std::uint8_t { kIdle, kPrepared, kArmed, kRunning, kFinished,
 std::string_view Name(NodeKind kind);
 std::string_view Name(Verb verb);
 std::string_view Name(Phase phase);
-constexpr NodeKind LastOf(NodeKind) { return NodeKind::kMonitor; }
+constexpr NodeKind LastOf(NodeKind) { return NodeKind::kLine; }
 constexpr Verb LastOf(Verb) { return Verb::kInject; }
 constexpr Phase LastOf(Phase) { return Phase::kFailed; }
 
@@ -137,7 +146,11 @@ struct RunState {
   std::int64_t origin_ns = 0;  // of the plant: its boot time at simulation time 0, 0 until that is known
   std::string end_reason{};
   std::string text{};
-  TILTPROOF_FIELDS(run_id, node_id, phase, time_ns, origin_ns, end_reason, text)
+  // A client node's, of several clients: its client, and the role that it tells (harness/run/arbiter.h); -1: none so far. A
+  // line node's that has failed: the client at whose end.
+  std::string client_id{};
+  std::int64_t role = -1;
+  TILTPROOF_FIELDS(run_id, node_id, phase, time_ns, origin_ns, end_reason, text, client_id, role)
   bool operator==(const RunState&) const = default;
 };
 

@@ -14,7 +14,7 @@ static_assert(kIdBytesMax == tiltproof_ID_MAX && kPathBytesMax == tiltproof_PATH
               kPayloadBytesMax == tiltproof_PAYLOAD_MAX && kChunkBytesMax == tiltproof_CHUNK_BYTES_MAX &&
               kNamesCountMax == tiltproof_NAMES_MAX && kChunksCountMax == tiltproof_CHUNKS_MAX &&
               kSignalsCountMax == tiltproof_SIGNALS_MAX && kNumbersCountMax == tiltproof_NUMBERS_MAX);
-static_assert(static_cast<int>(NodeKind::kMonitor) == tiltproof_NODE_MONITOR &&
+static_assert(static_cast<int>(NodeKind::kLine) == tiltproof_NODE_LINE &&
               static_cast<int>(Verb::kInject) == tiltproof_VERB_INJECT &&
               static_cast<int>(Phase::kFailed) == tiltproof_PHASE_FAILED);
 

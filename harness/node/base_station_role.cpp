@@ -16,7 +16,7 @@ class BaseStationRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     trajectory_.emplace(loaded.scenario.reference);
     protocol_ = loaded.scenario.link.protocol;
     return {};

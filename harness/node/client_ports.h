@@ -3,12 +3,15 @@
 //   const ClientPorts own = ClientPortsOf(ports, options.cable, scenario, place);
 //   own.main;        // "/dev/pts/3", which the link node offers; or this node's end of a cable, "/dev/ttyUSB0"
 //   own.reference;   // "" when its cable has no line for references
+//   own.lines;       // to other boards, in the order of Scenario::line_ends_of()
 #pragma once
 
 #include <cstddef>
 #include <functional>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "harness/node/node.h"
 #include "harness/node/origin_follower.h"
@@ -19,13 +22,31 @@ namespace tiltproof::harness {
 
 struct ClientPorts {
   std::string main, reference;
+  std::vector<std::string> lines = {};
 };
 
+// Throws std::runtime_error when its cables lack a line to another board.
 inline ClientPorts ClientPortsOf(const Ports& offered, const std::optional<SerialBoard>& cable,
                                  const Scenario& scenario, std::size_t place) {
-  if (cable) return {.main = cable->device, .reference = cable->reference_device};
-  return {.main = FindPort(offered, PartName(scenario, "client", place)),
-          .reference = FindPort(offered, PartName(scenario, "client_reference", place))};
+  ClientPorts own;
+  if (cable)
+    own = {.main = cable->device, .reference = cable->reference_device};
+  else
+    own = {.main = FindPort(offered, PartName(scenario, "client", place)),
+           .reference = FindPort(offered, PartName(scenario, "client_reference", place))};
+  for (const std::string& line : LinesOf(scenario, place)) {
+    if (!cable) {
+      own.lines.push_back(FindPort(offered, LinePortName(line, scenario.client_id(place))));
+      continue;
+    }
+    const auto device = cable->line_devices.find(line);
+    if (device == cable->line_devices.end())
+      throw std::runtime_error(
+          "no cable of the line '" + line + "': add ," + line +
+          "=DEV to the --cable of this node, and its other end to that of the line's node");
+    own.lines.push_back(device->second);
+  }
+  return own;
 }
 
 // Calls `found` with t = 0 by this node's clock: as the plant says it, whose clock this host shares; or, at the end of a

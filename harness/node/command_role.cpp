@@ -5,6 +5,7 @@
 #include <optional>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "harness/client/serial_program.h"
 #include "harness/node/client_ports.h"
@@ -31,14 +32,15 @@ class CommandRole final : public Role {
   CommandRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         command_(std::get<Program>(*options.client).command),
-        client_id_(options.client_id),
+        client_id_(options.id),
         cable_(options.cable),
         origin_watch_(services, cable_.has_value(),
                       [this](Origin origin) { services_.lateness().origin = origin; }) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     scenario_ = loaded.scenario;
     place_ = ClientPlace(scenario_, client_id_);
+    NeedRole(scenario_, place_, false);
     parameters_ = ClientParameters(loaded.scenario, *loaded.model, place_);
     return {};
   }
@@ -54,7 +56,8 @@ class CommandRole final : public Role {
                                    .reference_baud = scenario_.link.reference_port_baud(),
                                    .firmware = scenario_.firmware_of(place_),
                                    .dialect = DialectOf(*scenario_.link.protocol),
-                                   .parameters = parameters_};
+                                   .parameters = parameters_,
+                                   .line_ports = LinePorts()};
     ChildSpec spec;
     spec.command = {"/bin/sh", "-c", CommandOf(program)};
     spec.environment = EnvironmentOf(program);
@@ -96,6 +99,13 @@ class CommandRole final : public Role {
   }
 
  private:
+  std::vector<std::pair<std::string, std::string>> LinePorts() const {
+    std::vector<std::pair<std::string, std::string>> ports;
+    for (const std::string& line : LinesOf(scenario_, place_))
+      ports.emplace_back(line, ports_.lines.at(ports.size()));
+    return ports;
+  }
+
   NodeServices& services_;
   std::string command_, client_id_;
   std::optional<SerialBoard> cable_;

@@ -57,7 +57,7 @@ std::string Connected(const std::string& port) {
   if (port.starts_with(kAbstract))
     return fmt::format("socket,path={},abstract=on", Escaped(port.substr(kAbstract.size())));
   if (port.starts_with(kPath)) return fmt::format("socket,path={}", Escaped(port.substr(kPath.size())));
-  throw std::runtime_error(fmt::format("the link node offers the emulator no socket but '{}'", port));
+  throw std::runtime_error(fmt::format("the emulator is offered no socket but '{}'", port));
 }
 
 // Memory that is shared with the plug-in, and its place here.
@@ -72,6 +72,12 @@ std::pair<OwnedDescriptor, lockstep::RealtimeBoard*> SharedBoard() {
   return {std::move(file), static_cast<lockstep::RealtimeBoard*>(memory)};
 }
 
+// An image that asks which board it is on gets the answer as a user programs the chip: before its first instruction.
+std::string PlaceArgument(const EmulatorSpec& spec) {
+  const auto place = ElfSymbols(spec.image).FindConstant(kPlaceSymbol);
+  return place ? fmt::format(",word_at={},word={}", place->address, spec.place) : "";
+}
+
 // Control sockets are descriptors 3 and 4, the memory is 5.
 std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring& wiring) {
   std::vector<std::string> command = {"qemu-system-arm", "-M",   "netduinoplus2", "-display",        "none",
@@ -83,12 +89,15 @@ std::vector<std::string> CommandLine(const EmulatorSpec& spec, const BoardWiring
     if (usart == spec.main_usart) what = Connected(wiring.main_port);
     if (usart == spec.reference_usart && !wiring.reference_port.empty())
       what = Connected(wiring.reference_port);
+    const auto line = std::ranges::find(spec.line_usarts, usart);
+    if (line != spec.line_usarts.end())
+      what = Connected(wiring.line_ports.at(static_cast<std::size_t>(line - spec.line_usarts.begin())));
     add({"-chardev", fmt::format("{},id=usart{}", what, usart), "-serial",
          fmt::format("chardev:usart{}", usart)});
   }
   add({"-chardev", "socket,id=control,fd=3", "-mon", "chardev=control,mode=control"});
   add({"-chardev", "socket,id=debugger,fd=4", "-gdb", "chardev:debugger"});
-  const auto plugin = PluginArguments(spec, "realtime=on,memory=5");
+  const auto plugin = PluginArguments(spec, "realtime=on,memory=5" + PlaceArgument(spec));
   command.insert(command.end(), plugin.begin(), plugin.end());
   add({"-kernel", spec.image});
   return command;

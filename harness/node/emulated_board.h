@@ -5,7 +5,7 @@
 //   board.PowerOn();  // it does not run before
 //   board.BeginStall(); ... board.EndStall();
 //
-// Its USARTs are connected to the link node's sockets; the output of its console and of QEMU is kept. It runs
+// Its USARTs are connected to the sockets of link and line nodes; the output of its console and of QEMU is kept. It runs
 // by the machine's clock, with the priority of an ordinary program. When the machine is busy with other
 // programs, this is recorded as this node's lateness.
 #pragma once
@@ -37,7 +37,9 @@ namespace tiltproof::harness {
 
 struct BoardWiring {
   std::string main_port, reference_port;  // as the link node names them: unix:@NAME
-  bool debugger = false;                  // needed by Flip()
+  std::vector<std::string> line_ports =
+      {};                 // of lines to other boards, as their nodes name them, in the order of the spec's
+  bool debugger = false;  // needed by Flip()
 };
 
 class EmulatedBoard {

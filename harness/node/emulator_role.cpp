@@ -33,17 +33,21 @@ class EmulatorRole final : public Role {
   EmulatorRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         image_(std::get<EmulatedImage>(*options.client)),
-        client_id_(options.client_id),
+        client_id_(options.id),
         timer_(services.loop()),
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     scenario_ = loaded.scenario;
     place_ = ClientPlace(scenario_, client_id_);
-    spec_ = BoardOf(image_, scenario_.firmware_of(place_), *scenario_.link.protocol);
+    spec_ = BoardOf(image_, scenario_.firmware_of(place_), *scenario_.link.protocol, place_,
+                    LinesOf(scenario_, place_));
     const ElfSymbols symbols(spec_.image);
     if (const auto region = symbols.FindRegion(kStatusSymbol)) status_address_ = region->address;
+    if (const auto region = symbols.FindRegion(kRoleSymbol); region && scenario_.has_several_clients())
+      role_ = region;
+    NeedRole(scenario_, place_, role_.has_value());
     counts_.emplace(ClientFaults(scenario_, place_));
     for (faults::DeviceCommand& command : ClientCommands(scenario_, place_)) {
       std::vector<MemoryBit> bits;
@@ -57,6 +61,8 @@ class EmulatorRole final : public Role {
   void Arm(const Ports& ports) override {
     BoardWiring wiring{.main_port = FindPort(ports, PartName(scenario_, "client", place_)),
                        .reference_port = FindPort(ports, PartName(scenario_, "client_reference", place_))};
+    for (const std::string& line : LinesOf(scenario_, place_))
+      wiring.line_ports.push_back(FindPort(ports, LinePortName(line, scenario_.client_id(place_))));
     for (const auto& planned : commands_) wiring.debugger |= !planned.bits.empty();
     board_.emplace(services_, scenario_, spec_, wiring,
                    EmulatedBoard::Callbacks{.reset = [this](bool by_firmware) { OnReset(by_firmware); },
@@ -75,14 +81,10 @@ class EmulatorRole final : public Role {
   void Flush() override {
     if (!board_) return;
     board_->Watch(origin_.known());
+    role_ ? AskRole() : AskStatus();
     if (!origin_.known()) return;
     WriteLines(false);
     WriteActivations();
-    if (status_address_)
-      board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
-        status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
-        services_.log().Write({SimNow(), place_, record::State{words[0]}});
-      });
   }
 
   void Stop() override {
@@ -143,6 +145,25 @@ class EmulatorRole final : public Role {
       const TimeNs time_ns = activation.time_ns;
       services_.log().Write({time_ns, place_, std::move(activation)});
     }
+  }
+
+  // The status comes next: the board answers one question at a time.
+  void AskRole() {
+    board_->ReadWords(role_->address, 1, [this](const std::vector<std::uint32_t>& words) {
+      const std::size_t bytes_count = std::min<std::size_t>(role_->size_bytes, sizeof(std::uint32_t));
+      const auto role = static_cast<std::uint32_t>(words[0] & ((std::uint64_t{1} << (8 * bytes_count)) - 1));
+      if (origin_.known()) services_.log().Write({SimNow(), place_, record::Role{role}});
+      services_.TellRole(role);
+      AskStatus();
+    });
+  }
+
+  void AskStatus() {
+    if (!status_address_ || !origin_.known()) return;
+    board_->ReadWords(*status_address_, kStatusWords, [this](const std::vector<std::uint32_t>& words) {
+      status_ = ClientStatus{.supervisor_state = words[0], .failsafe_count = words[1]};
+      services_.log().Write({SimNow(), place_, record::State{words[0]}});
+    });
   }
 
   void WriteLines(bool last) {
@@ -252,6 +273,7 @@ class EmulatorRole final : public Role {
   Scenario scenario_;
   EmulatorSpec spec_;
   std::optional<std::uint32_t> status_address_;
+  std::optional<MemoryRegion> role_;  // the variable with the board's role among several
   std::optional<ClientStatus> status_;
   std::vector<PlannedCommand> commands_;
   std::optional<faults::FaultSchedule> counts_;

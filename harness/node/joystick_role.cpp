@@ -19,7 +19,7 @@ class JoystickRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     input_ = OpenJoystick(source_);
     protocol_ = loaded.scenario.link.protocol;
     reference_.emplace(Trajectory(loaded.scenario.reference).At(kPowerOn), JoystickLimits{});

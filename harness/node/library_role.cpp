@@ -21,7 +21,7 @@ namespace {
 
 constexpr TimeNs kWakePauseMin = 20 * kNsPerUs;
 // A firmware whose supervisor never rests must not fill the log.
-constexpr std::size_t kSupervisorChangesMax = 20'000;
+constexpr std::size_t kToldChangesMax = 20'000;
 
 // As good as never, and far from where times overflow: what a firmware may ask for is any number.
 constexpr BootTime kNeverInFlight(kNever / 4);
@@ -32,17 +32,21 @@ class LibraryRole final : public Role {
   LibraryRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
         firmware_(*options.client),
-        client_id_(options.client_id),
+        client_id_(options.id),
         cable_(options.cable),
         timer_(services.loop()),
         origin_watch_(services, cable_.has_value(),
                       [this](Origin origin) { origin_ = services_.lateness().origin = origin; }) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     scenario_ = loaded.scenario;
     place_ = ClientPlace(scenario_, client_id_);
     const std::string& build = scenario_.firmware_of(place_);
-    rate_ = scenario_.link.main_rate();
+    rates_.assign(static_cast<std::size_t>(Uart::kFirstLine), scenario_.link.main_rate());
+    for (const LineEndId& end : scenario_.line_ends_of(place_))
+      rates_.push_back(scenario_.lines[end.line].rate());
+    ports_.resize(rates_.size());
+    transmitter_free_ns_.resize(rates_.size());
     const ClientHost host = {
         .transmit =
             [this](Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
@@ -53,10 +57,12 @@ class LibraryRole final : public Role {
     std::function<std::string()> parameters;
     if (TakesParameters(std::get<HostLibrary>(firmware_), build))
       parameters = [this, &loaded] { return ClientParameters(loaded.scenario, *loaded.model, place_); };
+    const std::string dialect = DialectOf(*scenario_.link.protocol);
+    const std::filesystem::path file = FirmwareFile(firmware_, build, dialect);
+    NeedRole(scenario_, place_, TellsRole(file));
     try {
-      client_ = LoadLibraryClient(FirmwareFile(firmware_, build, DialectOf(*scenario_.link.protocol)), build,
-                                  DialectOf(*scenario_.link.protocol), host,
-                                  std::make_unique<CapturedOutput>(), false, parameters);
+      client_ = LoadLibraryClient(file, build, dialect, host, std::make_unique<CapturedOutput>(), false,
+                                  parameters);
     } catch (const FirmwareTrouble& trouble) {
       // The firmware's doing, not this node's: told like a crash in flight, once that has begun.
       trouble_ = trouble;
@@ -68,6 +74,8 @@ class LibraryRole final : public Role {
     const ClientPorts own = ClientPortsOf(ports, cable_, scenario_, place_);
     Open(Uart::kMain, own.main, scenario_.link.port_baud());
     if (!own.reference.empty()) Open(Uart::kReference, own.reference, scenario_.link.reference_port_baud());
+    for (std::size_t line = 0; line < own.lines.size(); ++line)
+      Open(LineUart(line), own.lines[line], rates_.at(static_cast<std::size_t>(LineUart(line))).baud);
   }
 
   void Start() override {
@@ -81,15 +89,17 @@ class LibraryRole final : public Role {
     for (auto& [time, text] : std::exchange(lines_, {}))
       services_.log().Write(
           {origin_.SimulationTime(OfNode(time)), place_, record::FirmwareText{std::move(text)}});
-    for (const auto& [time, state] : std::exchange(states_to_write_, {}))
+    for (const auto& [time, state] : std::exchange(state_.to_write, {}))
       services_.log().Write({origin_.SimulationTime(OfNode(time)), place_, record::State{state}});
+    for (const auto& [time, role] : std::exchange(role_.to_write, {}))
+      services_.log().Write({origin_.SimulationTime(OfNode(time)), place_, record::Role{role}});
   }
 
   void Stop() override {
     NoteOverdue();
     timer_.cancel();
     stopped_ = true;
-    ports_ = {};
+    ports_.clear();
     // Without t = 0 the times are those since power-on.
     if (!origin_.known()) origin_ = Origin(power_on_ns_);
     Flush();
@@ -112,7 +122,9 @@ class LibraryRole final : public Role {
  private:
   void Open(Uart uart, const std::string& path, std::int64_t baud) {
     auto& port = ports_[static_cast<std::size_t>(uart)];
-    port = std::make_unique<link::SerialPort>(services_.loop(), path, baud, scenario_.link.character);
+    const link::CharacterFormat character =
+        uart < Uart::kFirstLine ? scenario_.link.character : link::CharacterFormat{};
+    port = std::make_unique<link::SerialPort>(services_.loop(), path, baud, character);
     port->Start(
         [this, uart](std::span<const std::uint8_t> bytes) {
           if (stopped_ || power_on_ns_ == BootTime::Never()) return;
@@ -151,12 +163,12 @@ class LibraryRole final : public Role {
 
   // The bytes leave at once, and the line takes their time; the firmware is told when its UART would be done.
   BootTime Transmit(Uart uart, BootTime now, std::span<const std::uint8_t> bytes) {
-    const auto& port = ports_[static_cast<std::size_t>(Uart::kMain)];
-    if (uart != Uart::kMain || stopped_ || !port) return now;
-    port->Write(bytes);
-    transmitter_free_ns_ =
-        std::max(transmitter_free_ns_, now) + rate_.BytesTime(static_cast<std::int64_t>(bytes.size()));
-    return transmitter_free_ns_;
+    const auto place = static_cast<std::size_t>(uart);
+    if (uart == Uart::kReference || place >= ports_.size() || stopped_ || !ports_[place]) return now;
+    ports_[place]->Write(bytes);
+    BootTime& free_ns = transmitter_free_ns_[place];
+    free_ns = std::max(free_ns, now) + rates_[place].BytesTime(static_cast<std::int64_t>(bytes.size()));
+    return free_ns;
   }
 
   // Lets the firmware run, and comes back when it wants to be woken.
@@ -187,13 +199,26 @@ class LibraryRole final : public Role {
     if (due != BootTime::Never()) services_.lateness().Note(OfNode(due), OfNode(Now()));
   }
 
+  // Keeps what it tells of itself, when that is something else than before.
   void NoteState() {
-    const auto state = client_->Sample().supervisor_state;
-    if (!state || state == state_ || changes_count_ == kSupervisorChangesMax) return;
-    ++changes_count_;
-    state_ = state;
-    states_to_write_.emplace_back(Now(), *state);
+    const ClientSample sample = client_->Sample();
+    const auto note = [this](const std::optional<std::uint32_t>& value, Told& told) {
+      if (!value || value == told.last || told.changes_count == kToldChangesMax) return;
+      ++told.changes_count;
+      told.last = value;
+      told.to_write.emplace_back(Now(), *value);
+    };
+    note(sample.supervisor_state, state_);
+    note(sample.role, role_);
+    if (sample.role) services_.TellRole(*sample.role);
   }
+
+  // A number that the firmware tells of itself, from a time on; and the last one.
+  struct Told {
+    std::vector<std::pair<BootTime, std::uint32_t>> to_write;
+    std::optional<std::uint32_t> last;
+    std::size_t changes_count = 0;
+  };
 
   NodeServices& services_;
   ClientSpec firmware_;
@@ -201,19 +226,18 @@ class LibraryRole final : public Role {
   std::optional<SerialBoard> cable_;
   std::size_t place_ = 0;  // in the scenario
   Scenario scenario_;
-  link::LineRate rate_;
   std::unique_ptr<Client> client_;
-  std::array<std::unique_ptr<link::SerialPort>, 2> ports_;
+  // By the number of the UART: main line, line for references, lines to other boards.
+  std::vector<link::LineRate> rates_;
+  std::vector<std::unique_ptr<link::SerialPort>> ports_;
+  std::vector<BootTime> transmitter_free_ns_;
   boost::asio::steady_timer timer_;
   BootTime wake_ns_ = BootTime::Never();  // which it waits for, by the client's clock
   BootTime power_on_ns_ = BootTime::Never();
   BootTime now_ns_;  // the latest told
-  BootTime transmitter_free_ns_;
-  Origin origin_;  // in this node's clock
+  Origin origin_;    // in this node's clock
   std::vector<std::pair<BootTime, std::string>> lines_;
-  std::vector<std::pair<BootTime, std::uint32_t>> states_to_write_;  // of the supervisor, from a time on
-  std::optional<std::uint32_t> state_;                               // the last of them
-  std::size_t changes_count_ = 0;
+  Told state_, role_;  // of the supervisor, and among several clients
   std::size_t logged_bytes_ = 0;
   std::optional<FirmwareTrouble> trouble_;  // while it was loaded
   std::optional<ClientLoss> loss_;

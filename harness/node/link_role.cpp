@@ -7,6 +7,7 @@
 #include "harness/node/board_reset.h"
 #include "harness/node/cpu_wait_watch.h"
 #include "harness/node/deaf_receiver.h"
+#include "harness/node/port_end.h"
 #include "harness/node/pty_canary.h"
 #include "harness/node/reset_listener.h"
 #include "harness/node/roles.h"
@@ -19,7 +20,6 @@
 #include "link/pty.h"
 #include "link/serial_devices.h"
 #include "link/serial_port.h"
-#include "link/socket_line.h"
 #include "link/unix_socket.h"
 
 namespace tiltproof::harness {
@@ -29,10 +29,6 @@ using link::Direction;
 using link::kDirections;
 
 constexpr std::size_t kRoundTripSampleCount = 50;
-// Period at which an emulator gets the bytes on their way: every ten or so at 921600 baud. The bytes of a frame
-// arrive within kFrameTimeMax before its end.
-constexpr TimeNs kHandOverPeriodNs = 100 * kNsPerUs;
-constexpr TimeNs kFrameTimeMax = 2 * kNsPerMs;
 
 // Length of the shortest actuator message, in bytes.
 std::size_t ShortestCommand(const link::Protocol& protocol) {
@@ -46,9 +42,10 @@ class LinkRole final : public Role {
  public:
   LinkRole(NodeServices& services, const NodeOptions& options)
       : services_(services),
-        client_id_(options.client_id),
+        client_id_(options.id),
         board_(options.client ? std::get<SerialBoard>(*options.client)
                               : options.cable.value_or(SerialBoard{})),
+        has_board_(options.client.has_value()),
         timer_(services.loop()),
         boot_timer_(services.loop()),
         references_(services.bus(), services.members(),
@@ -56,11 +53,13 @@ class LinkRole final : public Role {
         states_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnStates(); })) {
   }
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& clients) override {
+    const std::optional<ClientSpec>& client = clients.at(0);
     client_is_library_ = client && std::holds_alternative<HostLibrary>(*client);
     client_is_emulator_ = client && std::holds_alternative<EmulatedImage>(*client);
     scenario_ = loaded.scenario;
     place_ = ClientPlace(scenario_, client_id_);
+    NeedRole(scenario_, place_, !has_board_);
     client_takes_bytes_ = client_is_emulator_ || link::IsSocketName(board_.device);
     if (client_is_emulator_)
       for (const Direction direction : {Direction::kToClient, Direction::kReference})
@@ -74,7 +73,7 @@ class LinkRole final : public Role {
       Open(reference_, board_.reference_device, scenario_.link.reference_port_baud(), "client_reference",
            ports);
     // At a real port the hardware takes the bytes' time, and its adapter its own.
-    const bool hardware = client_.serial && client_.serial->TakesByteTime();
+    const bool hardware = client_.TakesByteTime();
     if (hardware) {
       scenario_.link.adapter_latency_ms = 0;
       scenario_.link.adapter.reset();
@@ -159,15 +158,6 @@ class LinkRole final : public Role {
   }
 
  private:
-  // Our end of a line to the client: one of the three.
-  struct End {
-    std::unique_ptr<link::Pty> pty;            // for a program
-    std::unique_ptr<link::SocketLine> socket;  // for an emulator of ours
-    std::unique_ptr<link::SerialPort> serial;  // of a board, or of an emulator that the user has started
-    std::string socket_name;                   // of the latter
-    link::ByteLine* line = nullptr;            // it; null while nothing is connected
-  };
-
   SendBacklog MakeBacklog() const {
     const link::Protocol& protocol = *scenario_.link.protocol;
     const TimeNs period_ns = protocol.control_period_ns;
@@ -182,38 +172,19 @@ class LinkRole final : public Role {
     return {rate, period_ns / 2 + rate.BytesTime(bytes_count)};
   }
 
-  void Open(End& end, const std::string& device, std::int64_t baud, const char* port, Ports& ports) {
-    const std::string name = PartName(scenario_, port, place_);
-    if (link::IsSocketName(device)) {
-      if (const auto trouble = link::SocketTrouble(device)) throw std::runtime_error(*trouble);
-      end.socket_name = device;
-      ports.push_back({name, device});
-    } else if (!device.empty()) {
-      end.serial =
-          std::make_unique<link::SerialPort>(services_.loop(), device, baud, scenario_.link.character);
-      end.line = end.serial.get();
-      ports.push_back({name, device});
-      const auto latency = end.serial->SetLowLatency();
-      if (!latency.advice.empty())
-        services_.Note(0, "adapter", fmt::format("{}: {}", device, latency.advice), Whose(scenario_, place_));
-    } else if (client_is_emulator_) {
-      end.socket = std::make_unique<link::SocketLine>(services_.loop());
-      end.line = end.socket.get();
-      ports.push_back({name, end.socket->name()});
-    } else {
-      end.pty = std::make_unique<link::Pty>(services_.loop());
-      end.line = &end.pty->master();
-      ports.push_back({name, end.pty->slave_path()});
-    }
+  void Open(PortEnd& end, const std::string& device, std::int64_t baud, const char* port, Ports& ports) {
+    end.Open(services_,
+             {.device = device,
+              .baud = baud,
+              .character = scenario_.link.character,
+              .for_emulator = client_is_emulator_,
+              .name = PartName(scenario_, port, place_),
+              .client = Whose(scenario_, place_)},
+             ports);
   }
 
   void ConnectSockets() {
-    for (End* end : {&client_, &reference_})
-      if (!end->socket_name.empty()) {
-        end->serial =
-            std::make_unique<link::SerialPort>(services_.loop(), end->socket_name, LinkSpec::kDefaultBaud);
-        end->line = end->serial.get();
-      }
+    for (PortEnd* end : {&client_, &reference_}) end->ConnectSocket(services_.loop());
     if (const auto emulator = client_.serial->PeerProcess())
       board_watch_.emplace(services_, scenario_, *emulator);
     Listen();
@@ -325,7 +296,8 @@ class LinkRole final : public Role {
         if (port != nullptr && !bytes.empty()) port->Write(bytes);
         if (piece->message != nullptr && !piece->message->type->reply.empty()) asked_plant_ns_ = now;
       }
-      next = std::min(next, NextHandOver(direction, now));
+      next = std::min(next, NextHandOver(line_->NextArrival(direction),
+                                         direction != Direction::kToPlant && client_takes_bytes_, now));
     }
     timer_.cancel();
     if (next == BootTime::Never()) return;
@@ -333,15 +305,6 @@ class LinkRole final : public Role {
     timer_.async_wait([this, alive = std::weak_ptr(alive_)](const boost::system::error_code& error) {
       if (!error && !alive.expired() && armed_) Pump();
     });
-  }
-
-  // An emulated USART accepts bytes one at a time, and needs some time for each. Like a real one it gets them
-  // as they arrive, not a frame at once. Other clients are woken only for whole frames.
-  BootTime NextHandOver(Direction direction, BootTime now) {
-    const BootTime arrival = line_->NextArrival(direction);
-    if (arrival == BootTime::Never() || direction == Direction::kToPlant || !client_takes_bytes_)
-      return arrival;
-    return std::min(arrival, std::max(now + kHandOverPeriodNs, arrival - kFrameTimeMax));
   }
 
   // The counters as they stood on the grid of control periods, for the trace.
@@ -393,6 +356,7 @@ class LinkRole final : public Role {
   std::string client_id_;
   std::size_t place_ = 0;  // of the client in the scenario
   SerialBoard board_;  // on its cables, or a client node at their other end; names nothing when there is none
+  bool has_board_;
   Scenario scenario_;
   std::optional<LocalLine> line_;
   std::optional<SendBacklog> backlog_;  // of a server that sends by itself
@@ -400,7 +364,7 @@ class LinkRole final : public Role {
   std::optional<ReferenceTalk> reference_talk_;
   std::optional<ReferenceFramer> framer_;  // of references that come over the bus
   std::unique_ptr<link::Pty> plant_, base_station_;
-  End client_, reference_;
+  PortEnd client_, reference_;
   std::array<DeafReceiver, link::kDirectionCount> deaf_;  // that of kToPlant hears everything
   boost::asio::steady_timer timer_, boot_timer_;          // bytes that arrive; a board that has been reset
   std::unique_ptr<PtyCanary> canary_;

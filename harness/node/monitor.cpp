@@ -67,8 +67,9 @@ class Monitor {
             node.last.host, node.last.pid);
     }
     for (const auto& state : ears_->states.Take())
-      Print(stdout, "state  {:10.3f} s  {} {}{}{}\n", ToSeconds(state.time_ns), state.node_id,
-            Name(state.phase), state.text.empty() ? "" : ": ", state.text);
+      Print(stdout, "state  {:10.3f} s  {} {}{}{}{}\n", ToSeconds(state.time_ns), state.node_id,
+            Name(state.phase), state.role < 0 ? "" : fmt::format(", role {}", state.role),
+            state.text.empty() ? "" : ": ", state.text);
     for (const auto& event : ears_->events.Take())
       Print(stdout, "event  {:10.3f} s  {} {}: {}\n", ToSeconds(event.time_ns), event.node_id, event.kind,
             event.text);

@@ -36,6 +36,17 @@ constexpr milliseconds kListenFirst{1'000};
 // A harness that is silent for this long is gone for good; a partition of the network heals sooner.
 constexpr milliseconds kHarnessLostAfter{6000};
 
+// "library", or "library,qemu" for the ends of a line.
+ClientKinds KindsNamed(std::string_view kinds) {
+  ClientKinds named;
+  for (std::size_t comma = 0; comma != kinds.npos;) {
+    comma = kinds.find(',');
+    named.push_back(ClientOfKind(kinds.substr(0, comma)));
+    kinds.remove_prefix(comma == kinds.npos ? kinds.size() : comma + 1);
+  }
+  return named;
+}
+
 class Node final : public NodeServices {
  public:
   Node(const NodeOptions& options, const MakeRole& make_role);
@@ -50,6 +61,8 @@ class Node final : public NodeServices {
   Lateness& lateness() override { return lateness_; }
   void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                 const std::string& text) override;
+  void FailClient(const std::string& client_id, EndReason reason, const std::string& text) override;
+  void TellRole(std::uint32_t role) override;
 
  private:
   // Something arrived: look in the loop's thread.
@@ -139,7 +152,10 @@ Node::Node(const NodeOptions& options, const MakeRole& make_role) : options_(opt
                              fmt::format("memory={}", rights_.locked_memory ? "locked" : "unlocked")};
   if (options.client) heartbeat_.capabilities.push_back(fmt::format("client={}", KindOf(*options.client)));
   if (options.cable) heartbeat_.capabilities.emplace_back("cable=serial");
-  if (!options.client_id.empty()) heartbeat_.capabilities.push_back(fmt::format("id={}", options.client_id));
+  for (std::size_t end = 0; end < options.end_devices.size(); ++end)
+    if (!options.end_devices[end].empty())
+      heartbeat_.capabilities.push_back(fmt::format("end{}=serial", end));
+  if (!options.id.empty()) heartbeat_.capabilities.push_back(fmt::format("id={}", options.id));
 }
 
 int Node::Run() {
@@ -251,6 +267,7 @@ void Node::OnScenario() {
     last_command_ = last_fault_ = 0;
     harness_heard_ = std::chrono::steady_clock::now();
     state_ = {};
+    if (options_.kind == dds::NodeKind::kClient) state_.client_id = options_.id;
     Tell(dds::Phase::kIdle);
   }
   OnCommand();
@@ -321,7 +338,7 @@ void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
       lateness_ = {};
       lateness_.late_after_ns = loaded_->scenario.late_after_ns();
       role_ = make_role_(*this, options_);
-      ack.ports = role_->Prepare(*loaded_, ClientOfKind(command.client_kind));
+      ack.ports = role_->Prepare(*loaded_, KindsNamed(command.client_kind));
       phase_ = dds::Phase::kPrepared;
       return;
     }
@@ -340,10 +357,10 @@ void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
       phase_ = dds::Phase::kFinished;
       lateness_.stopped = clock_.Now();
       role_->Stop();
-      // Plant, link and client share a host.
-      const bool beside_firmware = options_.kind == dds::NodeKind::kPlant ||
-                                   options_.kind == dds::NodeKind::kLink ||
-                                   options_.kind == dds::NodeKind::kClient;
+      // Plant, links, lines and clients share a host.
+      const bool beside_firmware =
+          options_.kind == dds::NodeKind::kPlant || options_.kind == dds::NodeKind::kLink ||
+          options_.kind == dds::NodeKind::kLine || options_.kind == dds::NodeKind::kClient;
       lateness_.WriteTo(*log_,
                         beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
       log_->Close();
@@ -411,6 +428,17 @@ void Node::SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason r
   state_.end_reason = Name(reason);
   state_.text = text.substr(0, dds::kTextBytesMax);
   Tell(phase);
+}
+
+void Node::FailClient(const std::string& client_id, EndReason reason, const std::string& text) {
+  state_.client_id = client_id;
+  Fail(reason, text);
+}
+
+void Node::TellRole(std::uint32_t role) {
+  if (options_.id.empty() || state_.role == role) return;
+  state_.role = role;
+  Tell(phase_);
 }
 
 // The role's failure stays the node's state until the node is released. A failed node does not run after the command to

@@ -10,6 +10,7 @@
 // heartbeat stops when the work hangs, which is its purpose.
 #pragma once
 
+#include <array>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <functional>
@@ -41,13 +42,17 @@ struct NodeOptions {
   std::optional<ClientSpec> client;
   // Client and link, on two hosts: this node's end of the serial cables between them.
   std::optional<SerialBoard> cable;
-  // The same nodes: the id of their client among several.
-  std::string client_id;
+  // Line: the devices of its two ends; it makes a port for an end without one.
+  std::array<std::string, 2> end_devices = {};
+  // Client and link: the id of their client among several. Line: its id.
+  std::string id;
   // Joystick: a device, or a recording.
   std::string joystick_source;
 };
 
 using Ports = std::vector<dds::Port>;
+// The kind of a link node's client, or those of the clients at a line node's two ends.
+using ClientKinds = std::vector<std::optional<ClientSpec>>;
 // The path of a port; empty when there is no port of that name.
 std::string FindPort(const Ports& ports, std::string_view name);
 
@@ -75,7 +80,11 @@ class NodeServices {
   // Tells the harness the node's state; kFailed ends the run.
   virtual void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                         const std::string& text) = 0;
-  // The same for a failure of the node itself, named by `reason`.
+  // A client fails, of several, on whose line this node is. The node works on.
+  virtual void FailClient(const std::string& client_id, EndReason reason, const std::string& text) = 0;
+  // Tells the plant the role of this node's client among several (ClientRole), when it changes.
+  virtual void TellRole(std::uint32_t role) = 0;
+  // As SetPhase for a failure of the node itself, named by `reason`.
   void Fail(EndReason reason, const std::string& text) { SetPhase(dds::Phase::kFailed, 0, {}, reason, text); }
 };
 
@@ -84,9 +93,8 @@ class NodeServices {
 class Role {
  public:
   virtual ~Role() = default;
-  // Returns the ports that it offers to others. `client`: of that kind is the client of a link node, as far as it is
-  // known.
-  virtual Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& client) = 0;
+  // Returns the ports that it offers to others. `clients`: the kinds of those on them, as far as they are known.
+  virtual Ports Prepare(const LoadedScenario& loaded, const ClientKinds& clients) = 0;
   virtual void Arm(const Ports& ports) = 0;
   virtual void Start() = 0;
   // Where faults of that type act: the simulation time up to which this role has done its work, so that one more

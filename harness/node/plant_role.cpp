@@ -17,9 +17,12 @@ constexpr TimeNs kTickPeriodMaxNs = 4 * kNsPerMs;
 class PlantRole final : public Role {
  public:
   explicit PlantRole(NodeServices& services)
-      : services_(services), states_(services.bus()), send_timer_(services.loop()) {}
+      : services_(services),
+        states_(services.bus()),
+        send_timer_(services.loop()),
+        nodes_(services.bus(), services.members(), InLoop(services.loop(), alive_, [this] { OnRoles(); })) {}
 
-  Ports Prepare(const LoadedScenario& loaded, const std::optional<ClientSpec>& /*client*/) override {
+  Ports Prepare(const LoadedScenario& loaded, const ClientKinds& /*clients*/) override {
     loaded_ = loaded;
     server_.emplace(loaded_.scenario, *loaded_.model, services_.log(), faults::ScheduleUse{.grows = true});
     receivers_.clear();
@@ -80,6 +83,20 @@ class PlantRole final : public Role {
     timer_.emplace(services_, origin.ToBootTime(tick_ns / 2), tick_ns, [this](BootTime due) { Tick(due); });
     SendOwn(now);
     Publish(origin.boot_time());
+  }
+
+  // A role holds for commands that arrive after it. A board that has told none, also one that was started again, is not
+  // active.
+  void OnRoles() {
+    for (const auto& state : nodes_.Take()) {
+      const auto client = loaded_.scenario.FindClient(state.client_id);
+      const bool of_client = !state.client_id.empty() && loaded_.scenario.has_several_clients();
+      if (state.run_id != services_.run_id() || !of_client || !client || !server_ || finished_) continue;
+      Advance(services_.clock().Now());
+      const auto standby = static_cast<std::uint32_t>(ClientRole::kStandby);
+      const auto role = state.role < 0 ? standby : static_cast<std::uint32_t>(state.role);
+      if (!finished_) server_->NoteRole(*client, role);
+    }
   }
 
   // Sends what the server sends by itself, and comes back for the next.
@@ -145,6 +162,7 @@ class PlantRole final : public Role {
   std::int64_t tick_count_ = 0, ticks_per_period_ = 1;
   std::int64_t sequence_ = 0;
   bool finished_ = false;
+  dds::Subscriber<dds::RunState> nodes_;  // their roles
 };
 
 }  // namespace

@@ -13,6 +13,9 @@ std::unique_ptr<Role> MakePlantRole(NodeServices& services, const NodeOptions& o
 // faults, logs every frame (harness/run/line.h). Makes the pseudo-terminals to which others connect.
 std::unique_ptr<Role> MakeLinkRole(NodeServices& services, const NodeOptions& options);
 
+// The line between two boards, with its faults: what one of them sends, the other one gets (harness/run/board_line.h).
+std::unique_ptr<Role> MakeLineRole(NodeServices& services, const NodeOptions& options);
+
 // The firmware as a process: a firmware library with the machine's clock, a user's command, or an image in an
 // emulator.
 std::unique_ptr<Role> MakeLibraryRole(NodeServices& services, const NodeOptions& options);

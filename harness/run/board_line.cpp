@@ -25,7 +25,7 @@ faults::FaultSchedule FaultsOf(const Scenario& scenario, std::size_t line,
 
 }  // namespace
 
-BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink,
+BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool paced,
                      const faults::ScheduleUse& use)
     : id_(scenario.lines.at(line).id),
       ends_(scenario.lines[line].between),
@@ -34,10 +34,10 @@ BoardLine::BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sin
       rate_(scenario.lines[line].rate()),
       faults_(FaultsOf(scenario, line, protocol_, use)),
       // A client that runs on may be a byte time ahead of the others (Conductor::Horizon).
-      to_first_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(0), *protocol_,
-                faults_.Filter(DirectionTo(0))),
-      to_second_({.baud = rate_.baud, .least_latency_ns = rate_.BytesTime(1)}, DirectionTo(1), *protocol_,
-                 faults_.Filter(DirectionTo(1))),
+      to_first_({.baud = paced ? rate_.baud : 0, .least_latency_ns = paced ? rate_.BytesTime(1) : 0},
+                DirectionTo(0), *protocol_, faults_.Filter(DirectionTo(0))),
+      to_second_({.baud = paced ? rate_.baud : 0, .least_latency_ns = paced ? rate_.BytesTime(1) : 0},
+                 DirectionTo(1), *protocol_, faults_.Filter(DirectionTo(1))),
       bytes_(sink, scenario.client_count() + line),
       records_(sink, std::nullopt) {
   for (const faults::FaultSpec& fault : scenario.faults) fault_ids_.push_back(fault.id);
@@ -97,13 +97,17 @@ void BoardLine::SetOrigin(Origin origin) {
   records_.SetOrigin(origin);
 }
 
-void BoardLine::Finish(BootTime end) {
-  bytes_.SetOrigin(origin_.OrPowerOn());
-  records_.SetOrigin(origin_.OrPowerOn());
+void BoardLine::WriteActivations() {
   for (faults::Activation& activation : faults_.TakeActivations(origin_)) {
     const TimeNs time_ns = activation.time_ns;
     records_.Write(time_ns, std::move(activation));
   }
+}
+
+void BoardLine::Finish(BootTime end) {
+  bytes_.SetOrigin(origin_.OrPowerOn());
+  records_.SetOrigin(origin_.OrPowerOn());
+  WriteActivations();
   records_.Write(end, record::ActivationCounts{faults_.ActivationCounts()});
 }
 

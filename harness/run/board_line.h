@@ -5,8 +5,8 @@
 //   line.Transmit(0, now, bytes);                 // by the first client of `between`
 //   while (const auto piece = line.TakePiece(1, until)) Receive(piece->arrival_ns, piece->bytes, piece->marks);
 //
-// Bytes are 8N1 and take their time by the rules of link/wire.h. Times are boot time. A line is in the process of the
-// conductor, also in a distributed flight.
+// Bytes are 8N1 and take their time by the rules of link/wire.h. Times are boot time. In lockstep a line is in the process
+// of the conductor, also in a distributed flight; in real time it has a node of its own.
 #pragma once
 
 #include <array>
@@ -27,8 +27,9 @@ namespace tiltproof::harness {
 
 class BoardLine {
  public:
-  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line. `use`: of its schedule of faults.
-  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink,
+  // `line`: its place in the scenario. `sink`: gets its records; it must outlive the line. `paced`: as of LocalLine. `use`: of
+  // its schedule of faults.
+  BoardLine(const Scenario& scenario, std::size_t line, RecordSink& sink, bool paced = true,
             const faults::ScheduleUse& use = {});
   // Not movable: its wires hold its address.
   BoardLine(const BoardLine&) = delete;
@@ -57,9 +58,12 @@ class BoardLine {
   BootTime FreeTime() const;
 
   void SetOrigin(Origin origin);
+  Origin origin() const { return origin_; }
   std::vector<faults::FaultEvent> PollEvents() { return faults_.PollEvents(); }
   void Hear(std::span<const faults::FaultEvent> events) { faults_.Hear(events); }
-  // Writes what faults did; call it once, when the flight is over.
+  // Writes what faults did since the last call. Finish() does, too.
+  void WriteActivations();
+  // Call it once, when the flight is over.
   void Finish(BootTime end);
 
  private:

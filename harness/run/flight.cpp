@@ -177,7 +177,7 @@ Conductor::Conductor(const Scenario& scenario, std::span<Line* const> lines, Pla
       steered_(options.steer ? parts : nullptr),
       end_ns_(scenario.end_ns()) {
   for (std::size_t line = 0; line < scenario.lines.size(); ++line)
-    board_lines_.emplace_back(scenario, line, log, UseOf(options));
+    board_lines_.emplace_back(scenario, line, log, true, UseOf(options));
   const auto ports_of = [&](std::size_t client) {
     std::vector<LinePort> ports;
     for (const LineEndId& id : scenario.line_ends_of(client))

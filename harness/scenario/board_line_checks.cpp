@@ -37,8 +37,8 @@ class BoardLineCheck : ScenarioCheck {
     for (const faults::Target target : {faults::Target::kToClient, faults::Target::kToPlant,
                                         faults::Target::kBoth, faults::Target::kReference})
       targets.emplace(Name(target), "every client's own lines");
-    // Words of --client qemu.
-    for (const char* taken : {"main", "console", "hse"}) targets.emplace(taken, "a part of a board");
+    // Words of --client.
+    for (const char* taken : {"main", "console", "hse", "reset"}) targets.emplace(taken, "a part of a board");
     for (std::size_t i = 0; i < scenario_.lines.size(); ++i)
       CheckLine(scenario_.lines[i], list->items[i], targets);
   }

@@ -27,8 +27,9 @@ constexpr std::array<ClientForm, 7> kForms = {{
      "lockstep (docs/program.md)"},
     {"process:CMD",
      "a program with serial ports, {port}, {reference_port} and {baud} in CMD; --mode realtime"},
-    {"serial:DEV[,REFDEV][,reset=HOW]",
-     "a board on serial devices, or on sockets (unix:PATH): main line, reference line; --mode realtime. HOW "
+    {"serial:DEV[,REFDEV][,LINE=DEV][,reset=HOW]",
+     "a board on serial devices, or on sockets (unix:PATH): main line, reference line, each line to another "
+     "board; --mode realtime. HOW "
      "resets "
      "the board before each flight: dtr, rts (lines of DEV), or a command, up to the end"},
 }};
@@ -49,6 +50,12 @@ constexpr std::array<Usart, 3> kUsarts = {{{"main", &EmulatedImage::main_usart},
 
 // From outside; a crystal has 4 to 26 MHz (datasheet DS8626).
 constexpr int kHseHzMin = 1'000'000, kHseHzMax = 50'000'000;
+
+bool IsLineId(std::string_view text) {
+  return !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
+    return c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  });
+}
 
 void ReadOption(std::string_view option, EmulatedImage& image) {
   constexpr std::string_view kHse = "hse=";
@@ -71,10 +78,7 @@ void ReadOption(std::string_view option, EmulatedImage& image) {
     return;
   }
   const std::string line(option.substr(0, equals));
-  const auto is_of_id = [](char c) {
-    return c == '_' || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
-  };
-  if (valid && !line.empty() && std::all_of(line.begin(), line.end(), is_of_id)) {
+  if (valid && IsLineId(line)) {
     if (!image.line_usarts.try_emplace(line, usart[5] - '0').second)
       throw ClientMistake(fmt::format("the line '{}' has a USART already", line));
     return;
@@ -142,9 +146,22 @@ Program ReadProgram(const std::string& command) {
 SerialBoard ReadBoard(const std::string& text) {
   constexpr std::string_view kReset = ",reset=";
   const std::size_t reset = text.find(kReset);
-  const std::string devices = text.substr(0, reset);
-  const std::size_t comma = devices.find(',');
+  std::string devices = text.substr(0, reset);
   SerialBoard board;
+  // Behind the other devices. A path has a slash before any equals sign.
+  for (std::size_t comma = devices.rfind(','); comma != devices.npos; comma = devices.rfind(',')) {
+    const std::size_t equals = devices.find('=', comma);
+    if (equals == devices.npos || !IsLineId(std::string_view(devices).substr(comma + 1, equals - comma - 1)))
+      break;
+    const std::string line = devices.substr(comma + 1, equals - comma - 1);
+    const std::string device = devices.substr(equals + 1);
+    if (device.empty())
+      throw ClientMistake(fmt::format("{}= needs a device, as {}=/dev/ttyUSB2", line, line));
+    if (!board.line_devices.emplace(line, device).second)
+      throw ClientMistake(fmt::format("the line '{}' has a device already", line));
+    devices.resize(comma);
+  }
+  const std::size_t comma = devices.find(',');
   if (reset != std::string::npos) board.reset = text.substr(reset + kReset.size());
   if (reset != std::string::npos && board.reset.empty())
     throw ClientMistake("reset= needs dtr, rts or a command, for example reset=st-flash reset");
@@ -153,8 +170,8 @@ SerialBoard ReadBoard(const std::string& text) {
   if (board.device.empty() || (comma != std::string::npos && board.reference_device.empty()) ||
       board.reference_device.find(',') != std::string::npos)
     throw ClientMistake(
-        "must be serial:DEVICE or serial:DEVICE,DEVICE, then perhaps ,reset=dtr, ,reset=rts or "
-        ",reset=COMMAND");
+        "must be serial:DEVICE or serial:DEVICE,DEVICE, then perhaps ,LINE=DEVICE for each line to another "
+        "board, and ,reset=dtr, ,reset=rts or ,reset=COMMAND");
   return board;
 }
 
@@ -186,8 +203,10 @@ std::string TextOf(const LockstepProgram& program) {
   return (program.clocked ? "clocked:" : "program:") + program.command;
 }
 std::string TextOf(const SerialBoard& board) {
-  return "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device +
-         (board.reset.empty() ? "" : ",reset=") + board.reset;
+  std::string text =
+      "serial:" + board.device + (board.reference_device.empty() ? "" : ",") + board.reference_device;
+  for (const auto& [line, device] : board.line_devices) text += fmt::format(",{}={}", line, device);
+  return text + (board.reset.empty() ? "" : ",reset=") + board.reset;
 }
 
 void Add(const HostLibrary& library, ClientAbilities& abilities) {

@@ -61,7 +61,8 @@ struct LockstepProgram {
 
 // A board on serial ports of this machine, or on the sockets of an emulator.
 struct SerialBoard {
-  std::string device, reference_device;  // /dev/..., unix:PATH; the second may be empty
+  std::string device, reference_device;                  // /dev/..., unix:PATH; the second may be empty
+  std::map<std::string, std::string> line_devices = {};  // of lines to other boards, by the line's id
   // The reset before each flight: "dtr" or "rts", lines of the first device's adapter, or a command for sh -c.
   // Empty: a person resets the board.
   std::string reset = {};

@@ -393,6 +393,12 @@ extern const NodeOptions options;
 extern const Scenario scenario;
 extern const std::size_t place;
 
+// harness/node/port_end.h
+extern NodeServices& services;
+extern Ports ports;
+extern const link::ByteLine::Received received;
+extern const link::ByteLine::Closed closed;
+
 // harness/node/origin_follower.h
 extern NodeClock clock;
 extern const dds::PlantState plant_state;

@@ -25,8 +25,9 @@ struct Arguments {
   bool ideal = false;                             // lines without byte time
   bool realtime = false;                          // only the chip: no socket, no barrier
   int memory = -1;                                // in real time: a descriptor for RealtimeBoard
-  bool debugged = false;                          // a debugger may set breakpoints
-  int coverage = -1;                              // a descriptor for BlockCounts; -1: nothing is counted
+  std::uint32_t word_at = 0, word = 0;  // the word is written there before the first instruction; 0: none
+  bool debugged = false;                // a debugger may set breakpoints
+  int coverage = -1;                    // a descriptor for BlockCounts; -1: nothing is counted
 };
 
 // "" or what is wrong with them.
@@ -56,6 +57,10 @@ inline std::string Parse(int argc, char** argv, Arguments& arguments) {
       arguments.usart_numbers[static_cast<std::size_t>(line - kLines.begin())] = value[0] - '0';
     } else if (key == "hse" && is_number) {
       arguments.hse_hz = number;
+    } else if (key == "word_at" && is_number) {
+      arguments.word_at = number;
+    } else if (key == "word" && is_number) {
+      arguments.word = number;
     } else if (key == "ideal" && value == "on") {
       arguments.ideal = true;
     } else if (key == "debugged" && value == "on") {

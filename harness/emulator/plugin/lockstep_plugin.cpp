@@ -24,7 +24,8 @@
 //
 //   qemu-system-arm ... -serial stdio -plugin tiltproof_lockstep.so,realtime=on
 //
-// `memory` is then an inherited descriptor of memory for a harness::lockstep::RealtimeBoard.
+// `memory` is then an inherited descriptor of memory for a harness::lockstep::RealtimeBoard. `word` is written at the
+// address `word_at` before the first instruction.
 //
 // QEMU is GPL-2, so this file uses nothing but the standard library. It has no static objects with destructors,
 // since QEMU ends by exit() with threads still running.
@@ -170,6 +171,11 @@ void BeginTurn(const Run& run) {
   plugin.turn_limit.Begin(plugin.run.processor_ns);
 }
 
+// As a user programs the chip.
+void WriteToFlash(std::uint32_t address, std::uint32_t word) {
+  address_space_write_rom(cpu_get_address_space(plugin.cpu, 0), address, 0, &word, 4);
+}
+
 // Carries out commands until the harness grants time.
 void ReadCommands() {
   for (;;) {
@@ -200,7 +206,7 @@ void ReadCommands() {
         break;
       case Kind::kWriteCode: {
         const auto code = As<WriteCode>(body);
-        address_space_write_rom(cpu_get_address_space(plugin.cpu, 0), code.address, 0, &code.word, 4);
+        WriteToFlash(code.address, code.word);
         break;
       }
       case Kind::kReadUsarts:
@@ -381,6 +387,7 @@ void Begin(void* cpu, RunOnCpuData /*data*/) {
   plugin.cpu_thread = pthread_self();
   BeginChip();
   plugin.begun = true;
+  if (plugin.arguments.word_at != 0) WriteToFlash(plugin.arguments.word_at, plugin.arguments.word);
   if (plugin.arguments.realtime) {
     BeginRealtime();
   } else {

@@ -29,10 +29,11 @@ std::optional<std::string_view> Capability(const dds::Heartbeat& said, std::stri
 }  // namespace
 
 bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-                    const std::vector<SoughtClient>& clients, const std::string& run_id,
-                    std::string& missing) {
+                    const std::vector<SoughtClient>& clients, const std::vector<SoughtLine>& lines,
+                    const std::string& run_id, std::string& missing) {
   members_.clear();
   clients_ = clients;
+  lines_ = lines;
   std::string instead;
   // In the order of node ids.
   for (const auto& node : nodes) {
@@ -53,11 +54,14 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* proc
     member.id = member.role = node.last.node_id;
     member.participant = node.participant;
     member.kind = node.last.kind;
-    member.client_place = *place;
+    member.place = *place;
     member.part = Name(node.last.kind);
     if (IsOfClient(node.last.kind) && !clients_[*place].id.empty()) member.part += "-" + clients_[*place].id;
     member.host = node.last.host;
+    if (node.last.kind == NodeKind::kLine) member.part += "-" + lines_[*place].id;
     member.has_cable = Capability(node.last, "cable=").has_value();
+    for (std::size_t end = 0; end < member.has_device.size(); ++end)
+      member.has_device[end] = Capability(node.last, fmt::format("end{}=", end)).has_value();
     if (const auto kind = Capability(node.last, "client=")) member.client = ClientOfKind(*kind);
     if (member.client && std::holds_alternative<SerialBoard>(*member.client))
       clients_[*place].has_node = false;
@@ -77,22 +81,29 @@ bool Members::Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* proc
   need(NodeKind::kPlant, 0, "plant node");
   need_each(NodeKind::kLink, "link node");
   need_each(NodeKind::kClient, "client node");
+  for (std::size_t place = 0; place < lines_.size(); ++place)
+    need(NodeKind::kLine, place, fmt::format("line node of {0} (--id {0})", lines_[place].id));
   need(NodeKind::kBaseStation, 0, "base-station or joystick node");
   if (!instead.empty() && !missing.empty()) missing = instead;
   return missing.empty();
 }
 
 // Base station and joystick have one place: that of who sends references.
-const Member* Members::FindPlaceOf(NodeKind kind, std::size_t client_place) const {
+const Member* Members::FindPlaceOf(NodeKind kind, std::size_t place) const {
   const auto seat = [](NodeKind k) { return k == NodeKind::kJoystick ? NodeKind::kBaseStation : k; };
   for (const Member& member : members_)
-    if (seat(member.kind) == seat(kind) && member.client_place == client_place) return &member;
+    if (seat(member.kind) == seat(kind) && member.place == place) return &member;
   return nullptr;
 }
 
 std::optional<std::size_t> Members::PlaceOf(const dds::Heartbeat& said) const {
-  if (!IsOfClient(said.kind) || clients_.size() < 2) return 0;
   const auto id = Capability(said, "id=");
+  if (said.kind == NodeKind::kLine) {
+    for (std::size_t place = 0; place < lines_.size(); ++place)
+      if (id && lines_[place].id == *id) return place;
+    return std::nullopt;
+  }
+  if (!IsOfClient(said.kind) || clients_.size() < 2) return 0;
   for (std::size_t place = 0; place < clients_.size(); ++place)
     if (id && clients_[place].id == *id) return place;
   return std::nullopt;
@@ -126,20 +137,44 @@ void Members::CheckHosts() const {
   const Member& link = *Find(NodeKind::kLink);
   for (const Member& member : members_) {
     if (member.kind == NodeKind::kClient) {
-      const Member& own = *Find(NodeKind::kLink, member.client_place);
+      const Member& own = *Find(NodeKind::kLink, member.place);
       const Member& without = member.has_cable ? own : member;
       if (member.has_cable != own.has_cable)
         throw std::runtime_error(fmt::format(
             "the nodes {} and {} are the ends of one line, and {} has no cable: give both --cable, or none",
             member.id, own.id, without.id));
     }
-    const bool on_line = member.kind == NodeKind::kPlant || IsOfClient(member.kind);
+    if (member.kind == NodeKind::kLine) CheckEnds(member);
+    const bool on_line =
+        member.kind == NodeKind::kPlant || member.kind == NodeKind::kLine || IsOfClient(member.kind);
     const bool at_far_end = member.kind == NodeKind::kClient && member.has_cable;
     if (on_line && !at_far_end && member.host != link.host)
       throw std::runtime_error(fmt::format(
           "the {} node runs on {} and the {} node on {}: they share a serial line, so both must run "
           "on one host",
           member.part, member.host, link.part, link.host));
+  }
+}
+
+// A client with cables, or a board, has one of each of its lines, too.
+void Members::CheckEnds(const Member& line) const {
+  for (std::size_t end = 0; end < line.has_device.size(); ++end) {
+    const std::size_t place = lines_[line.place].clients.at(end);
+    const Member* client = Find(NodeKind::kClient, place);
+    // A board on the ports of its link node.
+    const bool has_cable = client == nullptr || client->has_cable;
+    if (client == nullptr) client = Find(NodeKind::kLink, place);
+    if (has_cable == line.has_device[end]) continue;
+    throw std::runtime_error(
+        has_cable
+            ? fmt::format(
+                  "the node {} has cables, and {} has no device for its end of the line: give it --cable "
+                  "DEV,DEV, in the order of `between`",
+                  client->id, line.id)
+            : fmt::format("the node {} has no cables, and {} has a device for its end of the line: put - in "
+                          "its place "
+                          "in --cable",
+                          client->id, line.id));
   }
 }
 
@@ -245,9 +280,9 @@ bool Members::AnySilent() const {
   });
 }
 
-const Member* Members::Find(NodeKind kind, std::size_t client_place) const {
+const Member* Members::Find(NodeKind kind, std::size_t place) const {
   for (const Member& member : members_)
-    if (member.kind == kind && member.client_place == client_place) return &member;
+    if (member.kind == kind && member.place == place) return &member;
   return nullptr;
 }
 

@@ -1,6 +1,7 @@
 // The nodes that take part in a run: who they are, and whether each is still there.
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <functional>
 #include <optional>
@@ -22,15 +23,23 @@ struct SoughtClient {
   bool has_node = true;  // a board is on its link node's port and has none
 };
 
+// A line between clients of the flight.
+struct SoughtLine {
+  std::string id;
+  std::array<std::size_t, 2> clients = {};  // at its ends: their places
+};
+
 struct Member {
   std::string id;  // node id
   dds::Participant participant;
   std::string role;  // of a process of ours: its name there
   dds::NodeKind kind{};
-  std::size_t client_place = 0;  // of a client or link node: the client's place in the scenario
-  std::string part;              // "plant", "link", "link-b": as faults name it
+  // A client or link node's: the client's place in the scenario. A line node's: that of the line.
+  std::size_t place = 0;
+  std::string part;  // "plant", "link", "link-b": as faults name it
   std::string host;
   bool has_cable = false;  // a client or link node: the other one is at the far end of serial cables
+  std::array<bool, 2> has_device = {};  // a line node: at its ends
   // The firmware that it is, or the link node's board: the kind alone.
   std::optional<ClientSpec> client;
   bool lost = false;
@@ -61,10 +70,12 @@ class Members {
   static constexpr std::size_t kStrangersMax = 8;
 
   // Takes the nodes that a run needs, one of each, out of those that are heard; of several of one kind the first by
-  // node id. Client and link nodes are one of each for every client. With `processes`, those alone that are our
-  // processes. False, and `missing` says what is not there ("plant node and no link node"), when they are not complete.
+  // node id. Client and link nodes are one of each for every client, line nodes one for every line. With `processes`, those
+  // alone that are our processes. False, and `missing` says what is not there ("plant node and no link node"), when they
+  // are not complete.
   bool Adopt(const std::vector<dds::NodeLife>& nodes, NodeProcesses* processes,
-             const std::vector<SoughtClient>& clients, const std::string& run_id, std::string& missing);
+             const std::vector<SoughtClient>& clients, const std::vector<SoughtLine>& lines,
+             const std::string& run_id, std::string& missing);
   // Nodes that could be taken for members, by kind or by name, and are not: each once, and the first few alone.
   std::vector<std::string> NewStrangers(const std::vector<dds::NodeLife>& nodes, const std::string& run_id);
   // The nodes that must share a host do, and cables have two ends; std::runtime_error names a node for which that does not
@@ -87,8 +98,8 @@ class Members {
   const std::vector<Member>& all() const { return members_; }
   // True if one is silent, not yet given up, and not kept away by a fault.
   bool AnySilent() const;
-  // Null when there is none. `client_place`: of a client or link node.
-  const Member* Find(dds::NodeKind kind, std::size_t client_place = 0) const;
+  // Null when there is none. `place`: as of Member.
+  const Member* Find(dds::NodeKind kind, std::size_t place = 0) const;
   Member* FindRole(const std::string& role);
   // The base station or the joystick.
   const Member& reference_sender() const;
@@ -102,15 +113,17 @@ class Members {
   // `blame`: whether the firmware is to answer for it when it is the client's node.
   void Lose(Member& member, const std::string& how, std::vector<MemberChange>& changes, bool blame,
             bool hung);
+  void CheckEnds(const Member& line) const;
   // Another node of its host is silent too: then it is the host or the network, not this node.
   bool HostIsSilent(const Member& member) const;
   // The member that the node would be, or that is in its place. Null: none is, and the node's client is none of ours.
-  const Member* FindPlaceOf(dds::NodeKind kind, std::size_t client_place) const;
-  // The place of the client whose node it is; nullopt when it is none of the flight's.
+  const Member* FindPlaceOf(dds::NodeKind kind, std::size_t place) const;
+  // The place of the client or line whose node it is; nullopt when it is none of the flight's.
   std::optional<std::size_t> PlaceOf(const dds::Heartbeat& said) const;
 
   std::vector<Member> members_;
   std::vector<SoughtClient> clients_;
+  std::vector<SoughtLine> lines_;
   std::set<dds::Participant> strangers_;
 };
 

@@ -24,12 +24,24 @@ NodeProcesses::NodeProcesses(const Scenario& scenario, const RealtimeOptions& op
       if (is_client && !has_node) continue;
       Part part{.kind = kind};
       if (is_client == has_node) part.client = spec;
-      if (scenario.has_several_clients()) part.client_id = scenario.client_id(client);
+      // The nodes of its lines have the others of its devices.
+      if (part.client)
+        if (auto* board = std::get_if<SerialBoard>(&*part.client)) board->line_devices.clear();
+      if (scenario.has_several_clients()) part.id = scenario.client_id(client);
       add(PartName(scenario, kind, client), std::move(part));
     }
   };
   add("plant", {.kind = "plant"});
   add_each("link");
+  for (const LineEntry& line : scenario.lines) {
+    Part part{.kind = "line", .id = line.id};
+    const auto device = [&](const std::string& client) {
+      const auto* board = std::get_if<SerialBoard>(&options.clients.at(scenario.FindClient(client).value()));
+      return board == nullptr ? std::string("-") : board->line_devices.at(line.id);
+    };
+    part.cable = device(line.between[0]) + "," + device(line.between[1]);
+    add(LineNodeName(line.id), std::move(part));
+  }
   add("base_station", {.kind = "base-station"});
   add_each("client");
 }
@@ -54,7 +66,8 @@ void NodeProcesses::Start(const std::string& role, const std::string& id) {
     spec.command.push_back(value);
   };
   if (part.client) add("--client", ToText(*part.client));
-  if (part.client_id) add("--id", *part.client_id);
+  if (part.id) add("--id", *part.id);
+  add("--cable", part.cable);
   if (const auto loss = loss_.find(role); loss != loss_.end())
     add("--xmit-loss", fmt::format("{}", loss->second));
   auto introduction = std::make_unique<Introduction>();

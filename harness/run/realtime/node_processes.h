@@ -20,8 +20,8 @@ class NodeProcesses {
   NodeProcesses(const Scenario& scenario, const RealtimeOptions& options, const dds::Participant& harness,
                 std::map<std::string, double> loss);
 
-  // Starts `plant`, `link`, `client` or `base_station`, or `link-b` for one of several clients, as node `id`. Throws
-  // std::runtime_error.
+  // Starts `plant`, `link`, `client` or `base_station`, `link-b` for one of several clients, or `line-cross`, as node `id`.
+  // Throws std::runtime_error.
   void Start(const std::string& role, const std::string& id);
   void StartAll();
   const std::vector<std::string>& names() const { return names_; }
@@ -39,9 +39,10 @@ class NodeProcesses {
   std::map<std::string, double> loss_;
   // The command of a role.
   struct Part {
-    std::string kind;                           // of the node
-    std::optional<ClientSpec> client = {};      // that it is, or has on its ports
-    std::optional<std::string> client_id = {};  // of several
+    std::string kind;                       // of the node
+    std::optional<ClientSpec> client = {};  // that it is, or has on its ports
+    std::optional<std::string> id = {};     // of one of several clients, or of a line between them
+    std::string cable = {};                 // of a line
   };
   std::vector<std::string> names_;
   std::map<std::string, Part> parts_;

@@ -75,9 +75,10 @@ class RealtimeConductor {
   NodeFaults::Means MeansOfNodeFaults();
   void Restart(const std::string& role);
   std::string ClientKindFor(const Member& member) const;
-  // True if the flight goes on without the client whose node this is, which is then out of it.
-  // `lost_ns`: simulation time.
-  bool LoseClient(const Member& member, bool hung, const std::string& text, TimeNs lost_ns);
+  // The client whose node this is; of a line's node the client that it names.
+  std::optional<std::size_t> ClientOf(const Member& member, const std::string& named) const;
+  // True if the flight goes on without the client, which is then out of it. `lost_ns`: simulation time.
+  bool LoseClient(std::optional<std::size_t> client, bool hung, const std::string& text, TimeNs lost_ns);
   void Join(Member& member, const std::string& id, const dds::Participant& participant);
 
   void End(EndReason reason, const std::string& text) { ending_.End(reason, text, sim_ns_); }
@@ -195,10 +196,15 @@ void RealtimeConductor::FindNodes() {
   for (std::size_t client = 0; client < scenario_.client_count(); ++client)
     clients.push_back({.id = scenario_.has_several_clients() ? scenario_.client_id(client) : "",
                        .has_node = AbilitiesOf(options_.clients.at(client), true).node});
+  std::vector<SoughtLine> lines;
+  for (const LineEntry& line : scenario_.lines)
+    lines.push_back({.id = line.id,
+                     .clients = {scenario_.FindClient(line.between[0]).value(),
+                                 scenario_.FindClient(line.between[1]).value()}});
   const bool found = Await(kFindLimit, [&] {
     // One that ended while it began has printed why.
-    return ending_.ended() ||
-           members_.Adopt(bus_.nodes.Nodes(), processes_ ? &*processes_ : nullptr, clients, run_id_, missing);
+    return ending_.ended() || members_.Adopt(bus_.nodes.Nodes(), processes_ ? &*processes_ : nullptr, clients,
+                                             lines, run_id_, missing);
   });
   if (ending_.ended()) throw std::runtime_error(ending_.text());
   if (!found)
@@ -251,17 +257,23 @@ void RealtimeConductor::Prepare() {
         Command({.verb = dds::Verb::kPrepare, .client_kind = ClientKindFor(members_.all().front())}, false);
   }
   for (const Member& member : members_.all())
-    if (member.kind == NodeKind::kLink)
+    if (member.kind == NodeKind::kLink || member.kind == NodeKind::kLine)
       ports_.insert(ports_.end(), answers[member.id].ports.begin(), answers[member.id].ports.end());
   // On another host the paths of pseudo-terminals mean nothing: then references go over the bus.
   if (members_.reference_sender().host != members_.Find(NodeKind::kLink)->host)
     std::erase_if(ports_, [](const dds::Port& port) { return port.name.starts_with("base_station"); });
 }
 
-// Kind of the member's client, or of the only one; empty: not known.
+// Kind of the member's client, or of the only one; empty: not known. Of a line those at its two ends.
 std::string RealtimeConductor::ClientKindFor(const Member& member) const {
-  const Member* client = members_.Find(NodeKind::kClient, member.client_place);
-  return client != nullptr && client->client ? std::string(KindOf(*client->client)) : std::string();
+  const auto kind_of = [&](std::size_t place) {
+    const Member* client = members_.Find(NodeKind::kClient, place);
+    return client != nullptr && client->client ? std::string(KindOf(*client->client)) : std::string();
+  };
+  if (member.kind != NodeKind::kLine) return kind_of(member.place);
+  const std::vector<std::string>& between = scenario_.lines.at(member.place).between;
+  return kind_of(scenario_.FindClient(between[0]).value()) + "," +
+         kind_of(scenario_.FindClient(between[1]).value());
 }
 
 std::map<std::string, dds::RunAck> RealtimeConductor::Command(dds::RunCommand command, bool tolerate_lost) {
@@ -352,18 +364,24 @@ void RealtimeConductor::OnStates() {
         reason && (WentAway(*reason) || reason == EndReason::kNodeLost || reason == EndReason::kLineOverfull);
     if (state.phase == dds::Phase::kFailed && of_node &&
         (member == members_.all().end() ||
-         !LoseClient(*member, *reason == EndReason::kFirmwareHung, state.text, sim_ns_)))
+         !LoseClient(ClientOf(*member, state.client_id), *reason == EndReason::kFirmwareHung, state.text,
+                     sim_ns_)))
       ending_.Hear(*reason, fmt::format("{} (at {:.3f} s)", state.text, ToSeconds(sim_ns_)), sim_ns_,
                    SteadyClock::now());
   }
 }
 
-bool RealtimeConductor::LoseClient(const Member& member, bool hung, const std::string& text, TimeNs lost_ns) {
+std::optional<std::size_t> RealtimeConductor::ClientOf(const Member& member, const std::string& named) const {
+  if (member.kind == NodeKind::kLine) return scenario_.FindClient(named);
   const bool of_client = member.kind == NodeKind::kClient || member.kind == NodeKind::kLink;
+  return of_client ? std::optional(member.place) : std::nullopt;
+}
+
+bool RealtimeConductor::LoseClient(std::optional<std::size_t> client, bool hung, const std::string& text,
+                                   TimeNs lost_ns) {
   // A client that cannot even begin ends the flight, as the others do.
-  const std::size_t client = member.client_place;
-  if (!of_client || !running_ || !MayLose(scenario_, client)) return false;
-  if (lost_clients_.insert(client).second) {
+  if (!client || !running_ || !MayLose(scenario_, *client)) return false;
+  if (lost_clients_.insert(*client).second) {
     collector_.log().Write(
         {sim_ns_, client, record::Event{hung ? kClientHungEvent : kClientCrashedEvent, text}});
     collector_.log().Write(
@@ -396,7 +414,7 @@ void RealtimeConductor::WatchMembers() {
         const std::string text = fmt::format("{} (at {:.3f} s)", change.text, ToSeconds(sim_ns_));
         const Member* member = members_.FindRole(change.role);
         if (member != nullptr && member->kind == NodeKind::kClient &&
-            LoseClient(*member, change.hung, change.text, LostAt(change)))
+            LoseClient(member->place, change.hung, change.text, LostAt(change)))
           break;
         Note("node_lost", text);
         End(change.firmware ? EndReason::kFirmwareLost : EndReason::kNodeLost, text);
@@ -468,7 +486,7 @@ void RealtimeConductor::Restart(const std::string& role) {
   const std::string id = fmt::format("{}-{}", role, ++restart_count_ + 1);
   processes_->Start(role, id);
   if (member.kind == NodeKind::kClient)
-    collector_.log().Write({sim_ns_, Whose(scenario_, member.client_place),
+    collector_.log().Write({sim_ns_, Whose(scenario_, member.place),
                             record::Event{kResetEvent, "started again as a new process"}});
   bool joined = false;
   const bool back = Await(kCommandLimit, [&] {

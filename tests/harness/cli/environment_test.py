@@ -60,6 +60,15 @@ class EnvironmentTest(unittest.TestCase):
         self.assertEqual(code, 2)
         self.assertIn("--input: joystick /nonexistent/js0: No such file or directory", err)
 
+    def test_a_line_node_names_its_line_and_both_ends(self):
+        for flags, text in (((), "--id is missing: the id of the line in the scenario's `lines`"),
+                            (("--id", "x", "--cable", "/dev/a"), "--cable /dev/a: must be DEVICE,DEVICE"),
+                            (("--id", "x", "--cable", "/dev/a,/dev/b,/dev/c"), "must be DEVICE,DEVICE"),
+                            (("--id", "x", "--client", "host"), "--client: a line node has none")):
+            code, _, err = self.tiltproof("node", "line", *flags)
+            self.assertEqual(code, 2)
+            self.assertIn(text, err)
+
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1])

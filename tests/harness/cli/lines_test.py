@@ -147,7 +147,7 @@ class LinesTest(CommandLineTest):
 
     def test_what_cannot_have_a_line_is_refused(self):
         self.write("refused")
-        for flags, text in ((("--mode", "realtime"), "no node carries them in real time"),
+        for flags, text in ((("--mode", "realtime", "--client", "serial:/dev/x"), "the board of client 'b' has no device for it: add ,cross=DEV to --client"),
                             (("--client", "clocked:true"), "which has two ports only")):
             done, out, err = self.tiltproof("run", "refused.yaml", "--no-progress", *flags)
             self.assertEqual(done, 2, out + err)

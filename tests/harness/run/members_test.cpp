@@ -37,7 +37,7 @@ NodeLife& Of(std::vector<NodeLife>& nodes, NodeKind kind) {
 std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
   Members members;
   std::string missing;
-  const bool complete = members.Adopt(nodes, nullptr, {{.id = {}, .has_node = !board}}, "run", missing);
+  const bool complete = members.Adopt(nodes, nullptr, {{.id = {}, .has_node = !board}}, {}, "run", missing);
   EXPECT_EQ(complete, missing.empty());
   return missing;
 }
@@ -45,7 +45,7 @@ std::string Missing(const std::vector<NodeLife>& nodes, bool board = false) {
 TEST(Adopt, TakesOneOfEachAndNoOnlookers) {
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(Fleet(), nullptr, {{}}, "run", missing));
+  ASSERT_TRUE(members.Adopt(Fleet(), nullptr, {{}}, {}, "run", missing));
   std::vector<std::string> ids;
   for (const Member& member : members.all()) ids.push_back(member.id);
   EXPECT_THAT(ids, ElementsAre("base_station", "client", "link", "plant"));
@@ -92,7 +92,7 @@ TEST(Adopt, TakesTheFirstOfAKindAndNamesTheOthersOnce) {
   nodes.back().last.run_id = "other";
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, {}, "run", missing));
   EXPECT_EQ(members.Find(NodeKind::kPlant)->id, "plant");
   EXPECT_EQ(members.reference_sender().id, "base_station");
   EXPECT_EQ(members.all().size(), 4u);
@@ -123,11 +123,11 @@ TEST(Adopt, TakesTheNodesOfEachClient) {
   Members members;
   std::string missing;
   const std::vector<SoughtClient> clients = {{.id = "a"}, {.id = "b"}};
-  EXPECT_FALSE(members.Adopt(nodes, nullptr, clients, "run", missing));
+  EXPECT_FALSE(members.Adopt(nodes, nullptr, clients, {}, "run", missing));
   EXPECT_EQ(missing, "link node of client b (--id b)");
   nodes.push_back(of(Node("l2", NodeKind::kLink), "b"));
   nodes.push_back(of(Node("l3", NodeKind::kLink), "b"));
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, clients, "run", missing)) << missing;
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, clients, {}, "run", missing)) << missing;
   EXPECT_EQ(members.Find(NodeKind::kClient, 0)->id, "c2");
   EXPECT_EQ(members.Find(NodeKind::kClient, 1)->part, "client-b");
   EXPECT_EQ(members.Find(NodeKind::kLink, 1)->id, "l2");
@@ -137,7 +137,61 @@ TEST(Adopt, TakesTheNodesOfEachClient) {
   // A board on the cables of one link node has no node of its own.
   nodes.erase(nodes.begin() + 1);
   nodes[5].last.capabilities.push_back("client=serial");
-  EXPECT_TRUE(members.Adopt(nodes, nullptr, clients, "run", missing)) << missing;
+  EXPECT_TRUE(members.Adopt(nodes, nullptr, clients, {}, "run", missing)) << missing;
+}
+
+// Each line between clients has a node, known by the line's id. Its ends have devices where the clients have cables.
+TEST(Adopt, TakesTheNodeOfEachLine) {
+  const auto of = [](NodeLife node, const std::string& id) {
+    node.last.capabilities.push_back("id=" + id);
+    return node;
+  };
+  std::vector<NodeLife> nodes = {Node("base_station", NodeKind::kBaseStation),
+                                 of(Node("c1", NodeKind::kClient), "a"),
+                                 of(Node("c2", NodeKind::kClient), "b"),
+                                 of(Node("l1", NodeKind::kLink), "a"),
+                                 of(Node("l2", NodeKind::kLink), "b"),
+                                 of(Node("n1", NodeKind::kLine), "other"),
+                                 Node("n2", NodeKind::kLine),
+                                 Node("plant", NodeKind::kPlant)};
+  Members members;
+  std::string missing;
+  const auto adopt = [&] {
+    return members.Adopt(nodes, nullptr, {{.id = "a"}, {.id = "b"}}, {{.id = "cross", .clients = {0, 1}}},
+                         "run", missing);
+  };
+  EXPECT_FALSE(adopt());
+  EXPECT_EQ(missing, "line node of cross (--id cross)");
+  nodes.push_back(of(Node("n3", NodeKind::kLine), "cross"));
+  ASSERT_TRUE(adopt()) << missing;
+  EXPECT_EQ(members.Find(NodeKind::kLine)->part, "line-cross");
+  EXPECT_EQ(members.all().size(), 7u);
+  EXPECT_NO_THROW(members.CheckHosts());
+
+  const auto complaint = [&]() -> std::string {
+    EXPECT_TRUE(adopt()) << missing;
+    try {
+      members.CheckHosts();
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return "none";
+  };
+  nodes.back().last.host = "there";
+  EXPECT_THAT(complaint(), HasSubstr("the line-cross node runs on there and the link-a node on here"));
+  nodes.back().last.host = "here";
+  nodes.back().last.capabilities.push_back("end1=serial");
+  EXPECT_EQ(complaint(),
+            "the node c2 has no cables, and n3 has a device for its end of the line: put - in its place in "
+            "--cable");
+  for (const std::size_t cabled : {2, 4}) nodes[cabled].last.capabilities.push_back("cable=serial");
+  nodes[2].last.host = "there";
+  EXPECT_EQ(complaint(), "none");
+  nodes.back().last.capabilities.pop_back();
+  EXPECT_EQ(
+      complaint(),
+      "the node c2 has cables, and n3 has no device for its end of the line: give it --cable DEV,DEV, in the "
+      "order of `between`");
 }
 
 // A client node at the far end of serial cables may be on any host; both nodes must have their ends.
@@ -149,7 +203,7 @@ TEST(CheckHosts, TakesAClientOfAnotherHostAtTheFarEndOfItsCables) {
   const auto complaint = [&]() -> std::string {
     Members members;
     std::string missing;
-    EXPECT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing)) << missing;
+    EXPECT_TRUE(members.Adopt(nodes, nullptr, {{}}, {}, "run", missing)) << missing;
     try {
       members.CheckHosts();
     } catch (const std::runtime_error& error) {
@@ -173,7 +227,7 @@ TEST(Adopt, NamesAFewStrangersAlone) {
   for (char c = 'a'; c <= 'z'; ++c) nodes.push_back(Node(std::string("x") + c, NodeKind::kPlant));
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, {}, "run", missing));
   EXPECT_EQ(members.NewStrangers(nodes, "run").size(), Members::kStrangersMax);
 }
 
@@ -182,10 +236,10 @@ TEST(CheckHosts, ThoseOnOneSerialLineShareAHost) {
   Of(nodes, NodeKind::kBaseStation).last.host = "there";
   Members members;
   std::string missing;
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, {}, "run", missing));
   EXPECT_NO_THROW(members.CheckHosts());
   Of(nodes, NodeKind::kClient).last.host = "there";
-  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, "run", missing));
+  ASSERT_TRUE(members.Adopt(nodes, nullptr, {{}}, {}, "run", missing));
   try {
     members.CheckHosts();
     ADD_FAILURE();
@@ -199,7 +253,7 @@ class WatchTest : public ::testing::Test {
  protected:
   void SetUp() override {
     std::string missing;
-    ASSERT_TRUE(members_.Adopt(nodes_, nullptr, {{}}, "run", missing));
+    ASSERT_TRUE(members_.Adopt(nodes_, nullptr, {{}}, {}, "run", missing));
   }
   std::vector<MemberChange> Watch(const std::set<std::string>& excused = {}) {
     return members_.Watch(nodes_, nullptr, excused, {}, now_);

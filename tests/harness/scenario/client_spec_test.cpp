@@ -67,7 +67,9 @@ RC_GTEST_PROP(ClientSpec, TheTextReadsBackAsTheSame, ()) {
   const ClientSpec client = *rc::gen::element<ClientSpec>(
       HostLibrary{"/" + word}, EmulatedImage{"/" + word, "executive", usarts[0], usarts[1], usarts[2]},
       EmulatedImage{"", "freertos", usarts[0], usarts[1], usarts[2]}, Program{word + ":," + word},
-      LockstepProgram{word + ":," + word}, SerialBoard{word, ""}, SerialBoard{"unix:" + word, word});
+      LockstepProgram{word + ":," + word}, SerialBoard{word, ""}, SerialBoard{"unix:" + word, word},
+      SerialBoard{word, "", {{word, "/dev/" + word + "=1"}}},
+      SerialBoard{word, word, {{"a", word}, {"b_2", word}}, word + ",a=b"});
   RC_ASSERT(ParseClient(ToText(client)) == client);
 }
 
@@ -96,6 +98,9 @@ TEST(ClientSpec, AMistakeSaysWhatToWrite) {
   EXPECT_EQ(Mistake("library"), "names nothing");
   EXPECT_EQ(Mistake("program: "), "names nothing");
   EXPECT_THAT(Mistake("serial:a,b,c"), HasSubstr("serial:DEVICE,DEVICE"));
+  EXPECT_THAT(Mistake("serial:a,b,cross="), HasSubstr("cross= needs a device"));
+  EXPECT_THAT(Mistake("serial:a,cross=b,cross=c"), HasSubstr("'cross' has a device already"));
+  EXPECT_EQ(Mistake("process:./a {port} {cross_port}"), "none: process:./a {port} {cross_port}");
   EXPECT_THAT(Mistake("serial:a,reset="), HasSubstr("reset=st-flash reset"));
   EXPECT_THAT(Mistake("serial:,reset=dtr"), HasSubstr("serial:DEVICE"));
   EXPECT_THAT(Mistake("qemu,main=usart1"), HasSubstr("qemu:executive,main=usart1"));

@@ -3,9 +3,10 @@
 
 Usage: several_clients_test.py TILTPROOF [unittest arguments]
 
-Plant, both link nodes, base station and monitor are on host `vehicle`, client a on `left`, client b on `right`, and the
-harness on `harness`. Serial cables go from the vehicle to each client: its main line and its line for references. Exit code 77
-and a reason, when this machine lets this user make no network namespaces, or is too busy for real time.
+Plant, link nodes, the node of the line between the boards, base station and monitor are on host `vehicle`, client a on `left`,
+client b on `right`, and the harness on `harness`. Serial cables go from the vehicle to each client: its main line, its line for
+references, and its end of the line between both. Exit code 77 and a reason, when this machine lets this user make no network
+namespaces, or is too busy for real time.
 """
 import csv
 import pathlib
@@ -30,13 +31,15 @@ TIMEOUT_S = 0.06
 PAIR = f"""\
 name: pair
 duration_s: {DURATION_S}
-firmware: tolerant
+firmware: failover
 reference: {{type: spiral, time_s: 60}}
 clients: [{{id: a}}, {{id: b}}]
-arbiter: {{type: primary_backup, timeout_ms: {1000 * TIMEOUT_S:g}}}
+lines: [{{id: cross, between: [a, b]}}]
+arbiter: {{type: active_claims, timeout_ms: {1000 * TIMEOUT_S:g}}}
 criteria:
   - {{name: near, stl: "always(position_error_m <= 1.0)"}}
   - {{name: backup-took-over, metric: redundancy.switches_count, min: 1}}
+  - {{name: always-flown, metric: redundancy.without_control_s, max: 0.2}}
 """
 
 
@@ -44,16 +47,17 @@ class SeveralClientsTest(unittest.TestCase):
     def setUp(self):
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="tiltproof-hosts-"))
         self.addCleanup(shutil.rmtree, self.folder, ignore_errors=True)
-        cable = subprocess.Popen([sys.executable, pathlib.Path(__file__).with_name("cable.py"), "4"], stdin=subprocess.PIPE,
+        cable = subprocess.Popen([sys.executable, pathlib.Path(__file__).with_name("cable.py"), "6"], stdin=subprocess.PIPE,
                                  stdout=subprocess.PIPE, text=True)
         self.addCleanup(cable.communicate)
-        ends = [cable.stdout.readline().split() for _ in range(4)]
+        ends = [cable.stdout.readline().split() for _ in range(6)]
         nodes = {"plant": Node("vehicle", "plant"), "base-station": Node("vehicle", "base-station"),
                  "monitor": Node("vehicle", "monitor")}
         for place, (client, host) in enumerate((("a", "left"), ("b", "right"))):
-            main, reference = ends[2 * place: 2 * place + 2]
-            for kind, end, own_host in (("link", 0, "vehicle"), ("client", 1, host)):
-                nodes[f"{kind}-{client}"] = Node(own_host, kind, ("--id", client, "--cable", f"{main[end]},{reference[end]}"))
+            main, reference, line = ends[3 * place: 3 * place + 3]
+            nodes[f"link-{client}"] = Node("vehicle", "link", ("--id", client, "--cable", f"{main[0]},{reference[0]}"))
+            nodes[f"client-{client}"] = Node(host, "client", ("--id", client, "--cable", f"{main[1]},{reference[1]},cross={line[1]}"))
+        nodes["line-cross"] = Node("vehicle", "line", ("--id", "cross", "--cable", f"{ends[2][0]},{ends[5][0]}"))
         self.fleet = Fleet(PROGRAM, self.folder, seed=1, hosts=("vehicle", "left", "right", "harness"), nodes=nodes)
         self.addCleanup(self.fleet.close)
         self.fleet.network.set(loss=0.01, delay_ms=5)
@@ -91,6 +95,9 @@ class SeveralClientsTest(unittest.TestCase):
             rows = list(csv.DictReader(file))
         by_b = [float(row["t_s"]) for row in rows if row["arbiter_selected"] == "1"]
         self.assertEqual(by_b[-1], DURATION_S)
+        # The backup hears the other board over its cable, and claims when it does not.
+        self.assertEqual({row["role_b"] for row in rows if 0.5 < float(row["t_s"]) < by_b[0] - TIMEOUT_S}, {"0"})
+        self.assertEqual({row["role_b"] for row in rows if float(row["t_s"]) > by_b[0] + 0.1}, {"1"})
         # The harness knows after the limit that a is lost, and says since when: a heartbeat comes every 50 ms.
         self.assertNotIn("firmware.b.lost_at_s", metrics)
         self.assertAlmostEqual(metrics["firmware.a.lost_at_s"], by_b[0] - TIMEOUT_S, delta=0.15)

@@ -1,11 +1,11 @@
-/* A firmware as a program of its own, the way a user would bring one: it opens its two serial ports by POSIX
+/* A firmware as a program of its own, the way a user would bring one: it opens its serial ports by POSIX
  * termios, keeps time by the machine's clock, and flies the firmware of a library
  * (firmware/tiltproof_client.h) through them. It knows nothing else of tiltproof.
  *
- *   pty_firmware LIBRARY [PORT [REFERENCE_PORT]] [--exit-after S] [--grandchild] [--garbage] [--adapter MS]
+ *   pty_firmware LIBRARY [PORT [REFERENCE_PORT [LINE_PORT]]] [--exit-after S] [--grandchild] [--garbage] [--adapter MS]
  *
  * A port is a path, or fd:N for the master of a pseudo-terminal that the caller holds (this is then the board
- * behind a cable). Without: TILTPROOF_PORT and TILTPROOF_REFERENCE_PORT.
+ * behind a cable). Without: TILTPROOF_PORT and TILTPROOF_REFERENCE_PORT. LINE_PORT is that of a line to another board.
  *   --exit-after S  S seconds after its start it says why and exits with code 3
  *   --grandchild    starts a process that would live for ever
  *   --garbage       prints bytes that are no text
@@ -27,7 +27,8 @@
 
 #include "firmware/tiltproof_client.h"
 
-static int ports[2] = {-1, -1};
+enum { kPortsCount = 3 };
+static int ports[kPortsCount] = {-1, -1, -1};
 static int64_t transmitter_free_ns;
 static int64_t byte_time_ns;
 
@@ -120,8 +121,8 @@ static const char* Environment(const char* name, const char* otherwise) {
 }
 
 int main(int argc, char** argv) {
-  const char* names[3] = {NULL, Environment("TILTPROOF_PORT", NULL),
-                          Environment("TILTPROOF_REFERENCE_PORT", NULL)};
+  const char* names[1 + kPortsCount] = {NULL, Environment("TILTPROOF_PORT", NULL),
+                                        Environment("TILTPROOF_REFERENCE_PORT", NULL), NULL};
   int64_t exit_after_ns = TILTPROOF_NEVER;
   int named = 0;
   for (int i = 1; i < argc; ++i) {
@@ -139,12 +140,12 @@ int main(int argc, char** argv) {
       fflush(stdout);
     } else if (strcmp(argv[i], "--adapter") == 0 && i + 1 < argc) {
       adapter_ns = (int64_t)(atof(argv[++i]) * 1e6);
-    } else if (named < 3) {
+    } else if (named < 1 + kPortsCount) {
       names[named++] = argv[i];
     }
   }
   if (names[0] == NULL || names[1] == NULL) {
-    fprintf(stderr, "usage: pty_firmware LIBRARY [PORT [REFERENCE_PORT]]\n");
+    fprintf(stderr, "usage: pty_firmware LIBRARY [PORT [REFERENCE_PORT [LINE_PORT]]]\n");
     return 2;
   }
   // Punctual where that is permitted.
@@ -166,12 +167,14 @@ int main(int argc, char** argv) {
   *(void**)&grant = Symbol(library, "tiltproof_client_grant");
 
   byte_time_ns = 10 * INT64_C(1000000000) / atoi(Environment("TILTPROOF_BAUD", "921600"));
-  for (int uart = 0; uart < 2 && names[uart + 1] != NULL; ++uart) ports[uart] = OpenPort(names[uart + 1]);
+  for (int uart = 0; uart < kPortsCount && names[uart + 1] != NULL; ++uart)
+    ports[uart] = OpenPort(names[uart + 1]);
   const TiltproofHost host = {.abi_version = TILTPROOF_CLIENT_ABI_VERSION,
                               .firmware = Environment("TILTPROOF_FIRMWARE", "paper"),
                               .dialect = Environment("TILTPROOF_DIALECT", "paper"),
                               .transmit = Transmit,
-                              .log = Log};
+                              .log = Log,
+                              .parameters = Environment("TILTPROOF_PARAMETERS", NULL)};
   TiltproofClient* client = create(&host);
   if (client == NULL) return 1;
   printf("pty_firmware: up\n");
@@ -192,10 +195,12 @@ int main(int argc, char** argv) {
       if (let_go_ns < until_ns) until_ns = let_go_ns;
       const int64_t wait_ns = until_ns == TILTPROOF_NEVER ? 1000000000 : until_ns - now_ns;
       const struct timespec timeout = {.tv_sec = wait_ns / 1000000000, .tv_nsec = wait_ns % 1000000000};
-      struct pollfd polled[2] = {{.fd = ports[0], .events = POLLIN}, {.fd = ports[1], .events = POLLIN}};
-      ppoll(polled, 2, &timeout, NULL);
+      struct pollfd polled[kPortsCount];
+      for (int uart = 0; uart < kPortsCount; ++uart)
+        polled[uart] = (struct pollfd){.fd = ports[uart], .events = POLLIN};
+      ppoll(polled, kPortsCount, &timeout, NULL);
       now_ns = MonotonicNs() - power_on_ns;
-      for (int uart = 0; uart < 2; ++uart) {
+      for (int uart = 0; uart < kPortsCount; ++uart) {
         if (polled[uart].revents == 0) continue;
         uint8_t bytes[4096];
         const ssize_t got = read(ports[uart], bytes, sizeof bytes);
