@@ -6,6 +6,8 @@
 //   own.lines;       // to other boards, in the order of Scenario::line_ends_of()
 #pragma once
 
+#include <fmt/format.h>
+
 #include <cstddef>
 #include <functional>
 #include <optional>
@@ -42,8 +44,10 @@ inline ClientPorts ClientPortsOf(const Ports& offered, const std::optional<Seria
     const auto device = cable->line_devices.find(line);
     if (device == cable->line_devices.end())
       throw std::runtime_error(
-          "no cable of the line '" + line + "': add ," + line +
-          "=DEV to the --cable of this node, and its other end to that of the line's node");
+          fmt::format("no cable of the line '{0}': add ,{0}=DEV to the --cable of this node, and its other "
+                      "end to that of the "
+                      "line's node",
+                      line));
     own.lines.push_back(device->second);
   }
   return own;
