@@ -129,10 +129,10 @@ class LineRole final : public Role {
     for (std::size_t from = 0; from < ends_.size(); ++from) {
       const auto& overfull = line_->overfull(from);
       if (!overfull || std::exchange(ends_[from].overfull, true)) continue;
-      if (overfull->by_faults)
-        services_.Fail(EndReason::kLineOverfull, overfull->text);
-      else
-        services_.FailClient(scenario_.lines[place_].between[from], EndReason::kFirmwareHung, overfull->text);
+      // By faults it is no client's doing.
+      const std::string client = overfull->by_faults ? "" : scenario_.lines[place_].between[from];
+      services_.FailClient(client, overfull->by_faults ? EndReason::kLineOverfull : EndReason::kFirmwareHung,
+                           overfull->text);
     }
   }
 

@@ -80,7 +80,7 @@ class NodeServices {
   // Tells the harness the node's state; kFailed ends the run.
   virtual void SetPhase(dds::Phase phase, TimeNs time_ns, Origin origin, EndReason reason,
                         const std::string& text) = 0;
-  // A client fails, of several, on whose line this node is. The node works on.
+  // A client fails, of several, on whose line this node is; an empty id: the line, and no client. The node works on.
   virtual void FailClient(const std::string& client_id, EndReason reason, const std::string& text) = 0;
   // Tells the plant the role of this node's client among several (ClientRole), when it changes.
   virtual void TellRole(std::uint32_t role) = 0;
