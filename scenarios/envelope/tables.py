@@ -114,7 +114,7 @@ class Half:
         return self.ratio is not None and self.ratio < TWICE and not self.cells[1].startswith("all")
 
 
-# Rows of the page that were flown before searches scanned below a limit.
+# At levels of the page that were flown before searches scanned below a limit.
 NOT_SCANNED = "§"
 NOT_FLOWN = Half(("-", "-"), None)
 
@@ -282,7 +282,7 @@ def page(rows, clients, layers, limits, options, missing):
     exact = " and ".join(f"{100 * (options.tolerance or share):g} %" for share in TOLERANCES)
     how = paragraph(
         f"This page has the margins of the builds `{old}` and `{new}` for every fault. Beyond its level they leave the path by 1 m or tilt by more than 0.6 rad. "
-        "They fly the paper's spiral of 25 s with the fault from 10 s to 15 s. "
+        "They fly the paper's spiral of 20 s with the fault from 10 s to 15 s. "
         f"`tiltproof envelope` ([margins](margins.md)) found the levels, exact to {exact} of the distance from harmless for the left and the right half. "
         "Every level that was flown below them is survived. "
         "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies everything again and writes this page. "
@@ -300,7 +300,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"{PARTS['-drag']}: on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`, because no wind moves the others. {PARTS['-board']}: on the emulated "
         f"board (`--client qemu`), where a flight takes as long as fifty here. There {options.repeats or BOARD_REPEATS} seeds flew, which is 95 % sure of only "
         f"{100 * 0.05 ** (1 / (options.repeats or BOARD_REPEATS)):.0f} % of them, and the levels are exact to {100 * (options.tolerance or BOARD_TOLERANCE):g} %.")
-    if any(NOT_SCANNED in row.mark for row in rows.values()):
+    if any(NOT_SCANNED in cell for row in rows.values() for half in row.halves for cell in half.cells):
         marks += "\n\n" + paragraph(
             f"{NOT_SCANNED}: found by bisection, without a scan of the levels below, with 5 seeds (2 on the board) over 40 s of the spiral. Such a limit may be too "
             "large, because a level below it may fail.")

@@ -15,13 +15,13 @@ TABLES = SOURCE / "scenarios/envelope/tables.py"
 
 
 def short_flights(folder):
-    """A copy of the envelopes and of what they need, with flights of 1 s in place of 25. Returns its tables.py."""
+    """A copy of the envelopes and of what they need, with flights of 1 s in place of 20. Returns its tables.py."""
     for part in ("scenarios/envelope", "plant/models"):
         shutil.copytree(SOURCE / part, folder / part)
     for name in ("spiral", "spiral-other-vehicle"):
         file = folder / f"scenarios/envelope/{name}.yaml"
         text = file.read_text()
-        for long, short in (("duration_s: 25", "duration_s: 1"), ("start_s: 10, end_s: 15", "start_s: 0.3, end_s: 0.6")):
+        for long, short in (("duration_s: 20", "duration_s: 1"), ("start_s: 10, end_s: 15", "start_s: 0.3, end_s: 0.6")):
             assert text.count(long) == 1, (file, long)
             text = text.replace(long, short)
         file.write_text(text)
@@ -157,6 +157,17 @@ class SurvivalTest(unittest.TestCase):
         after = self.page_rows()
         self.assertEqual(after[1:], before[1:])
         self.assertEqual(after[0][3:10], ["1 (50 %)", "4 (50 %)", "4", "", "1 (50 %)", "3 (50 %)", "3"], "the half that was not flown stays, too")
+
+    def test_levels_without_a_scan_are_marked_by_half(self):
+        page = self.folder / "page.md"
+        self.write([row("a.x", "paper", 1, 1.1), row("a.x", "tolerant", 3, 3.1)])
+        self.tables()
+        self.assertNotIn("§", page.read_text())
+        page.write_text(page.read_text().replace("| 1 (50 %) | 3 (50 %) | 3 |", "| 1§ | all§ | 5 |"))
+        shutil.rmtree(self.folder / "spiral-other-vehicle")
+        self.assertEqual(self.tables()[0], 0)
+        self.assertEqual(self.page_rows()[0][3:10], ["1 (50 %)", "3 (50 %)", "3", "", "1§", "all§", "5"])
+        self.assertIn("§: found by bisection", page.read_text())
 
     def test_the_shipped_page(self):
         rows = self.page_rows(SOURCE / "docs/survival.md")
