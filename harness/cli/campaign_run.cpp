@@ -385,7 +385,8 @@ class CampaignWork {
   bool differs_ = false;  // a flight of the client that confirms
   ProgressLine line_;
   std::vector<CampaignRun> batch_;
-  CampaignClock::time_point stored_at_ = CampaignClock::now(), told_at_ = CampaignClock::now();
+  // On a terminal the first state is shown at once, because all flights may take less time than the line.
+  CampaignClock::time_point stored_at_ = CampaignClock::now(), told_at_ = stored_at_ - kLineTime;
 };
 
 // Every scenario passes without drawn faults: otherwise the campaign would find that it does not. Returns an exit code
