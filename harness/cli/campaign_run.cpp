@@ -41,6 +41,8 @@ constexpr std::size_t kBatchMax = 256;
 constexpr std::chrono::seconds kBatchTime{1};
 // Differences that are printed.
 constexpr std::size_t kDifferencesMax = 20;
+// Runs that were not judged, which are named.
+constexpr std::size_t kUnjudgedMax = 10;
 // Between two lines of progress where there is no terminal, and where there is one.
 constexpr std::chrono::milliseconds kPlainTime{10'000}, kLineTime{100};
 
@@ -66,7 +68,13 @@ class CampaignProgress {
 
   void Count(const CampaignRun& run) {
     ++done_count_;
-    if (run.verdict == Name(Verdict::kError)) ++errors_count_;
+    if (run.verdict == Name(Verdict::kPass)) ++passed_count_;
+    if (run.end == Name(EndReason::kLineOverfull))
+      overfull_.push_back(run.number);
+    else if (run.verdict == Name(Verdict::kError))
+      errors_.push_back(run.number);
+    else if (run.verdict == Name(Verdict::kInconclusive))
+      inconclusive_.push_back(run.number);
     if (run.signature.empty()) return;
     ++failures_count_;
     signatures_.insert(run.signature);
@@ -87,14 +95,19 @@ class CampaignProgress {
 
   std::uint64_t total() const { return flown_.size(); }
   std::uint64_t done_count() const { return done_count_; }
+  std::uint64_t passed_count() const { return passed_count_; }
   std::uint64_t failures_count() const { return failures_count_; }
-  std::uint64_t errors_count() const { return errors_count_; }
+  // Runs that were not judged: their draws put more on a line than it holds, the harness failed, or others.
+  const std::vector<std::uint64_t>& overfull() const { return overfull_; }
+  const std::vector<std::uint64_t>& errors() const { return errors_; }
+  const std::vector<std::uint64_t>& inconclusive() const { return inconclusive_; }
   CampaignClock::time_point begin() const { return begin_; }
 
  private:
   std::uint64_t first_;
   std::vector<bool> flown_;
-  std::uint64_t next_ = 0, done_count_ = 0, earlier_count_ = 0, failures_count_ = 0, errors_count_ = 0;
+  std::uint64_t next_ = 0, done_count_ = 0, earlier_count_ = 0, passed_count_ = 0, failures_count_ = 0;
+  std::vector<std::uint64_t> overfull_, errors_, inconclusive_;
   std::set<std::string> signatures_;
   CampaignClock::time_point begin_ = CampaignClock::now();
 };
@@ -133,8 +146,10 @@ class CampaignWork {
     WriteSummary(store_, folder_);
     if (!options_.no_report) WriteCampaignReport(folder_, options_.command.front());
     Report();
-    if (progress_.errors_count() > 0) return kExitError;
-    return progress_.failures_count() > 0 || differs_ ? kExitNotGreen : kExitGreen;
+    if (!progress_.errors().empty()) return kExitError;
+    if (progress_.failures_count() > 0 || differs_) return kExitNotGreen;
+    // The draws are to blame for a line that is overfull, and other draws were judged.
+    return !progress_.inconclusive().empty() || progress_.passed_count() == 0 ? kExitUndecided : kExitGreen;
   }
 
   // Only its runs, which are stored. The exit code.
@@ -365,14 +380,29 @@ class CampaignWork {
     }
   }
 
+  void TellUnjudged(const char* why, const std::vector<std::uint64_t>& runs) {
+    if (runs.empty()) return;
+    const std::size_t shown_count = std::min(runs.size(), kUnjudgedMax);
+    const std::string more =
+        shown_count < runs.size() ? fmt::format(" and {} more", runs.size() - shown_count) : "";
+    Tell(fmt::format("not judged, because {}: run {}{}", why,
+                     fmt::join(runs.begin(), runs.begin() + static_cast<std::ptrdiff_t>(shown_count), ", "),
+                     more));
+  }
+
   void Report() {
-    const std::uint64_t done = progress_.done_count(), failed = progress_.failures_count();
+    const std::uint64_t done = progress_.done_count(), failed = progress_.failures_count(),
+                        passed = progress_.passed_count(), judged = passed + failed;
+    TellUnjudged("drawn faults overfill a line", progress_.overfull());
+    TellUnjudged("the flight is inconclusive", progress_.inconclusive());
+    TellUnjudged("the flight is an error", progress_.errors());
     std::set<std::string> ways;
     for (const CampaignFailure& failure : store_.Failures()) ways.insert(failure.signature);
-    Print(stdout, "campaign {}: {} runs, {} survived ({:.1f} %), {} failed in {} way{}; {}\n",
-          campaign_.plan.spec.name, done, done - failed,
-          done > 0 ? 100.0 * static_cast<double>(done - failed) / static_cast<double>(done) : 0, failed,
-          ways.size(), ways.size() == 1 ? "" : "s", DatabaseOf(folder_).string());
+    Print(stdout, "campaign {}: {} run{}, {} survived ({:.1f} %), {} failed in {} way{}{}; {}\n",
+          campaign_.plan.spec.name, done, done == 1 ? "" : "s", passed,
+          judged > 0 ? 100.0 * static_cast<double>(passed) / static_cast<double>(judged) : 0, failed,
+          ways.size(), ways.size() == 1 ? "" : "s",
+          judged < done ? fmt::format(", {} not judged", done - judged) : "", DatabaseOf(folder_).string());
     ReportConfirmed();
   }
 

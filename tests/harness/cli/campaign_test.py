@@ -34,6 +34,19 @@ draw:
   types: ["actuator.*", "plant.*", frame.drop]
 MORE"""
 
+BABBLE = """\
+campaign: night
+scenarios: [hover.yaml]
+runs_count: 10
+seed: 5
+draw:
+  types: [frame.babble]
+  faults_count: {min: 1, max: 1}
+  parameters: {frame.babble: {rate_hz: {log_uniform: [1000, 10000]}}}
+  start_s: {choice: [0]}
+  length_s: {choice: [40]}
+"""
+
 
 WHOLE = []  # flown once for all tests
 
@@ -257,6 +270,25 @@ class CampaignTest(CommandLineTest):
         self.scenario("hover", HOVER.replace("0.1)", "-1)"))
         self.assertIn("hover: fail without any drawn fault: near", mistake("night.yaml", "--out", "broken", code=1))
         self.assertFalse((self.folder / "broken").exists())
+
+    def test_what_is_not_judged_is_no_survivor(self):
+        """Noise on the reference line is survived in a hover, until more waits there than a line holds."""
+        self.scenario("hover", HOVER.replace("1.2", "40"))
+        (self.folder / "night.yaml").write_text(BABBLE)
+        out, err = self.campaign("night.yaml", "-j", "2", "--out", "night", "--no-report", code=1)
+        with sqlite3.connect(self.folder / "night/campaign.sqlite") as database:
+            runs = dict(database.execute("SELECT verdict, count(*) FROM run GROUP BY verdict"))
+            overfull = [number for (number,) in database.execute("SELECT number FROM run WHERE end = 'line_overfull' ORDER BY number")]
+        self.assertEqual(sorted(runs), ["error", "fail", "pass"])
+        self.assertEqual(len(overfull), runs["error"])
+        self.assertIn(f"10 runs, {runs['pass']} survived ({100 * runs['pass'] / (runs['pass'] + runs['fail']):.1f} %), {runs['fail']} failed in ", out)
+        self.assertIn(f", {runs['error']} not judged; night/campaign.sqlite", out)
+        self.assertIn(f"not judged, because drawn faults overfill a line: run {', '.join(map(str, overfull))}", err)
+        summary = json.loads((self.folder / "night/campaign.json").read_text())
+        self.assertEqual((summary["passed"], summary["failed"], summary["errors"]), (runs["pass"], runs["fail"], runs["error"]))
+        # Nothing else was flown: the firmware is not to blame, and nothing is known of it.
+        out, _ = self.campaign("night.yaml", "--runs", "1", "--seed", "2", "--out", "unknown", "--no-report", code=4)
+        self.assertIn("1 run, 0 survived (0.0 %), 0 failed in 0 ways, 1 not judged; ", out)
 
     def test_progress(self):
         _, text = self.at_a_terminal("campaign", self.file(60), "--out", "seen", "--no-report", streams=("stderr",))
