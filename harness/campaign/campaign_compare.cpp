@@ -46,15 +46,26 @@ void Count(PairedCounts& counts, bool first, bool second) {
   ++(first ? second ? counts.both : counts.only_first : second ? counts.only_second : counts.neither);
 }
 
+// By run: the final signatures of a campaign; nothing when they are not known yet of all its failures.
+std::map<std::uint64_t, std::string> FinalSignatures(const CampaignStore& store) {
+  std::map<std::uint64_t, std::string> finals;
+  for (const CampaignFailure& failure : store.Failures()) finals.emplace(failure.run, failure.signature);
+  std::uint64_t failed_count = 0;
+  store.ForEach([&](const CampaignRun& run) { failed_count += run.signature.empty() ? 0 : 1; });
+  return finals.size() == failed_count ? finals : std::map<std::uint64_t, std::string>();
+}
+
 class Comparer {
  public:
+  Comparer(const CampaignStore& first, const CampaignStore& second)
+      : first_finals_(FinalSignatures(first)), second_finals_(FinalSignatures(second)) {}
+
   void Add(const CampaignRun& a, const CampaignRun& b) {
     ++result_.runs;
     first_firmware_.insert(a.firmware);
     second_firmware_.insert(b.firmware);
-    for (const auto& [run, signatures] :
-         {std::pair(&a, &first_signatures_), std::pair(&b, &second_signatures_)})
-      if (!run->signature.empty()) signatures->insert(run->signature);
+    NoteSignature(a, first_finals_, first_signatures_);
+    NoteSignature(b, second_finals_, second_signatures_);
     if (a.trace_hash == b.trace_hash && !a.trace_hash.empty()) ++result_.identical;
     const auto judged = [](const CampaignRun& run) { return run.verdict == "pass" || run.verdict == "fail"; };
     if (!judged(a) || !judged(b)) {
@@ -90,6 +101,13 @@ class Comparer {
   }
 
  private:
+  static void NoteSignature(const CampaignRun& run, const std::map<std::uint64_t, std::string>& finals,
+                            std::set<std::string>& signatures) {
+    if (run.signature.empty()) return;
+    const auto final_one = finals.find(run.number);
+    signatures.insert(final_one != finals.end() ? final_one->second : run.signature);
+  }
+
   void TakeChange(const CampaignRun& a, const CampaignRun& b) {
     const bool first = a.verdict == "pass", second = b.verdict == "pass";
     if (first == second && (first || a.criterion == b.criterion)) return;
@@ -98,6 +116,7 @@ class Comparer {
     result_.changed.push_back({a.number, a.seed, change, FlightOf(a), FlightOf(b)});
   }
 
+  std::map<std::uint64_t, std::string> first_finals_, second_finals_;
   CampaignComparison result_;
   std::map<std::string, PairedCounts> types_;
   std::set<std::string> first_firmware_, second_firmware_, first_signatures_, second_signatures_;
@@ -112,7 +131,7 @@ std::string RatesLine(const ComparedRates& rates) {
 }  // namespace
 
 CampaignComparison CompareCampaigns(const CampaignStore& first, const CampaignStore& second) {
-  Comparer comparer;
+  Comparer comparer(first, second);
   const std::string first_name = first.file().parent_path().string(),
                     second_name = second.file().parent_path().string();
   std::uint64_t runs = 0, only_in_second = 0;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 #include <utility>
 
 #include "faults/registry.h"
@@ -147,12 +148,15 @@ class Checker {
     if (list == nullptr || list->items.size() != spec_.draw.types.size()) return;  // and said so
     for (std::size_t i = 0; i < list->items.size(); ++i) {
       const std::string& pattern = spec_.draw.types[i];
-      std::vector<std::string_view> names;
-      for (const FaultType& type : faults::FaultTypes()) names.push_back(type.name);
-      if (std::none_of(names.begin(), names.end(),
-                       [&](std::string_view name) { return MatchesType(pattern, name); }))
-        Complain(list->items[i].mark,
-                 fmt::format("types: '{}' matches no fault type{}", pattern, DidYouMean(pattern, names)));
+      const std::vector<FaultType>& types = faults::FaultTypes();
+      if (std::ranges::any_of(types, [&](const FaultType& type) { return MatchesType(pattern, type.name); }))
+        continue;
+      std::set<std::string> names;
+      for (const FaultType& type : types)
+        names.insert({std::string(type.name), fmt::format("{}.*", type.layer())});
+      const std::vector<std::string_view> known(names.begin(), names.end());
+      Complain(list->items[i].mark,
+               fmt::format("types: '{}' matches no fault type{}", pattern, DidYouMean(pattern, known)));
     }
   }
 
@@ -242,6 +246,12 @@ class Checker {
   std::vector<YamlProblem>& problems_;
 };
 
+// `campaign` may be forgotten.
+bool HasKeyOfCampaign(const YamlNode& root) {
+  return root.Find("campaign") != nullptr || root.Find("scenarios") != nullptr ||
+         root.Find("draw") != nullptr;
+}
+
 }  // namespace
 
 bool MatchesType(const std::string& pattern, std::string_view type) {
@@ -252,7 +262,7 @@ bool IsCampaignFile(const std::filesystem::path& file) {
   try {
     std::vector<YamlProblem> problems;
     return std::filesystem::is_regular_file(file) &&
-           ParseMapping(ReadYamlText(file), file, problems).Find("campaign") != nullptr;
+           HasKeyOfCampaign(ParseMapping(ReadYamlText(file), file, problems));
   } catch (const ScenarioError&) {
     return false;
   }

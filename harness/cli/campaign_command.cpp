@@ -24,6 +24,7 @@ void AddDrawing(CLI::App& command, CampaignOptions& options) {
           "Builds of the firmware that fly the same draws: paper,tolerant (default: as the file or the "
           "scenarios say)")
       ->delimiter(',')
+      ->check(NamesNoBuild)
       ->allow_extra_args(false);
 }
 
@@ -84,10 +85,11 @@ void RegisterCampaign(CLI::App& program, CommandLine& line) {
   });
 
   const auto number = std::make_shared<std::uint64_t>();
+  const CLI::Range is_number(std::int64_t{0}, kRunsMax - 1);
   CLI::App* show = command->add_subcommand(
       "show", "Fly one run of a campaign again, keep its files, and compare it with the database");
   show->add_option("DIR", options->resume, "Folder of the campaign")->required();
-  show->add_option("RUN", *number, "Number of the run, from 0")->required();
+  show->add_option("RUN", *number, "Number of the run, from 0")->required()->check(is_number);
   show->add_flag("--no-report", options->no_report, "Write no report.html");
   SetAction(*show, line, [options, number] { return ShowCampaignRun(*options, *number); });
 

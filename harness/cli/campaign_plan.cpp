@@ -127,6 +127,7 @@ void AddTypes(const SuiteScenario& base, const CampaignSpec& spec, LoadedCampaig
 void CheckTimes(const CampaignSpec& spec, const Scenario& scenario) {
   if (!spec.draw.start_s) return;
   const double latest_s = ToSeconds(scenario.duration_ns) - spec.draw.recover_s.value_or(0);
+  if (latest_s <= 0) return;  // AddTypes() refuses recover_s
   const auto& values = spec.draw.start_s->values;
   if (std::all_of(values.begin(), values.end(),
                   [&](const NumberOrWord& value) { return std::get<double>(value) >= latest_s; }))

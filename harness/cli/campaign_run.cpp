@@ -24,9 +24,11 @@
 #include "harness/cli/interrupt_scope.h"
 #include "harness/cli/report_command.h"
 #include "harness/cli/run_flights.h"
+#include "harness/cli/run_folder.h"
 #include "harness/cli/search_flights.h"
 #include "harness/cli/temporary_folder.h"
 #include "harness/report/files.h"
+#include "harness/report/results.h"
 #include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
 #include "harness/terminal/progress_line.h"
@@ -290,7 +292,7 @@ class CampaignWork {
     std::vector<FlightToKeep> flights;
     for (const CampaignFailure& failure : KeptFailures(store_.Failures())) {
       const std::filesystem::path folder = folder_ / "failures" / failure.signature;
-      if (std::filesystem::exists(folder / RunName(failure.run) / "verdict.json")) continue;
+      if (IsKept(folder, failure.run)) continue;
       FlightJob job = JobOf(campaign_.plan, campaign_.means, DrawRun(campaign_.plan, failure.run));
       job.name = RunName(failure.run);
       flights.push_back({folder, std::move(job)});
@@ -301,11 +303,25 @@ class CampaignWork {
       const std::uint64_t number = RunNumber(result.name);
       const std::string stored = store_.Find(number)->trace_hash;
       if (result.trace_hash == stored) continue;
+      if (result.score.verdict == Verdict::kError) {
+        Tell(fmt::format("campaign: run {} could not be flown again: {}; {}", number, result.score.reason,
+                         HowToGoOn()));
+        return kExitError;
+      }
       Tell(fmt::format("campaign: run {} flown again is another flight: its trace hash is {}, and was {}",
                        number, result.trace_hash, stored));
       return kExitError;
     }
     return kExitGreen;
+  }
+
+  // True if the run's flight is there with all that belongs to it: an earlier command may have been interrupted.
+  bool IsKept(const std::filesystem::path& folder, std::uint64_t run) const {
+    const std::filesystem::path flight = folder / RunName(run);
+    if (!HasEnded(flight) || (!options_.no_report && !std::filesystem::exists(folder / "report.html")))
+      return false;
+    const FlightResult kept = ResultFromJsonText(ReadFile(flight / "verdict.json"));
+    return kept.score.verdict == Verdict::kFail && kept.trace_hash == store_.Find(run)->trace_hash;
   }
 
   // Flies what is to be confirmed with the other client, once. The exit code.
@@ -487,6 +503,20 @@ void CheckExecutor(const CampaignOptions& options, const LoadedCampaign& campaig
     throw UsageError("--executor slurm: flies whole campaigns: leave out --shard, whose work its tasks do");
 }
 
+// A database without runs. Where the disk has no room for it, nothing is left of it.
+void CreateStore(const std::filesystem::path& file, const std::map<std::string, std::string>& meta) {
+  try {
+    CampaignStore store(file, CampaignStore::Mode::kCreate);
+    for (const auto& [key, value] : meta) store.SetMeta(key, value);
+  } catch (const FileError&) {
+    for (const char* end : {"", "-wal", "-shm"}) {
+      std::error_code error;
+      std::filesystem::remove(file.string() + end, error);
+    }
+    throw;
+  }
+}
+
 CampaignStore OpenToRead(const std::filesystem::path& folder) {
   if (!std::filesystem::exists(DatabaseOf(folder)))
     throw UsageError(
@@ -515,12 +545,17 @@ int FlyCampaign(const CampaignOptions& options) {
     throw UsageError(
         fmt::format("{} holds a campaign already: go on with it (--resume {}), or choose another --out",
                     options.out.string(), options.out.string()));
+  if (std::filesystem::exists(options.out / "failures"))
+    throw UsageError(fmt::format(
+        "{} holds the failures of a campaign whose database is gone: remove the folder, or choose "
+        "another --out",
+        (options.out / "failures").string()));
   LoadedCampaign campaign = PlanCampaign(options);
   CheckExecutor(options, campaign);
   if (const auto code = CheckBases(options, campaign)) return *code;
   std::filesystem::create_directories(options.out);
-  CampaignStore store(DatabaseOf(options.out), CampaignStore::Mode::kCreate);
-  for (const auto& [key, value] : campaign.meta) store.SetMeta(key, value);
+  CreateStore(DatabaseOf(options.out), campaign.meta);
+  CampaignStore store(DatabaseOf(options.out), CampaignStore::Mode::kOpen);
   return CampaignWork(options, options.out, std::move(campaign), store, std::move(confirm)).Run();
 }
 
@@ -540,8 +575,8 @@ int FlyCampaignTask(const CampaignOptions& options, std::uint64_t number) {
   campaign.shard = task;
   const TemporaryFolder folder("task");
   {
-    CampaignStore store(DatabaseOf(folder.path()), CampaignStore::Mode::kCreate);
-    for (const auto& [key, value] : tasks.meta) store.SetMeta(key, value);
+    CreateStore(DatabaseOf(folder.path()), tasks.meta);
+    CampaignStore store(DatabaseOf(folder.path()), CampaignStore::Mode::kOpen);
     if (const int code = CampaignWork(options, folder.path(), std::move(campaign), store).RunTask();
         code != kExitGreen)
       return code;
@@ -572,6 +607,8 @@ int ShowCampaignRun(const CampaignOptions& options, std::uint64_t number) {
   const FlightResult& result = flown.results.front();
   const Console console(false);
   console.Finished(result);
+  if (result.score.verdict != Verdict::kPass && Survived(result.score))
+    console.Line("its faults were too mild to act: the campaign counts it as survived");
   console.Line(fmt::format("{}", (own / "report.html").string()));
   const int code = Survived(result.score) ? static_cast<int>(kExitGreen) : ExitCode({result});
   const std::optional<CampaignRun> stored = store.Find(number);
@@ -603,19 +640,34 @@ int CampaignStatus(const std::filesystem::path& folder) {
   const Shard shard = ReadShard(text("shard"));
   const auto all = static_cast<std::uint64_t>(spec.runs_count);
   const std::uint64_t total = shard.End(all) - shard.First(all);
-  std::uint64_t done = 0, failed = 0;
+  std::uint64_t done = 0, failed = 0, passed = 0;
   std::set<std::string> signatures;
   store.ForEach([&](const CampaignRun& run) {
     ++done;
+    passed += run.verdict == Name(Verdict::kPass) ? 1 : 0;
     if (run.signature.empty()) return;
     ++failed;
     signatures.insert(run.signature);
   });
-  Print(stdout, "campaign {}: {} of {} runs{}, {} failed in {} way{}\n", spec.name, done, total,
+  // The final ones, when they are known.
+  const bool is_gathered = std::filesystem::exists(folder / "campaign.json");
+  if (is_gathered) {
+    signatures.clear();
+    for (const CampaignFailure& failure : store.Failures()) signatures.insert(failure.signature);
+  }
+  Print(stdout, "campaign {}: {} of {} runs{}, {} failed in {} way{}{}\n", spec.name, done, total,
         shard.count > 1 ? fmt::format(" of shard {}", text("shard")) : "", failed, signatures.size(),
-        signatures.size() == 1 ? "" : "s");
+        signatures.size() == 1 ? "" : "s",
+        passed + failed < done ? fmt::format(", {} not judged", done - passed - failed) : "");
   if (const auto tasks = TasksText(store, folder)) Print(stdout, "{}\n", *tasks);
-  if (done < total) Print(stdout, "it can go on: tiltproof campaign --resume {}\n", folder.string());
+  const bool is_stopped =
+      spec.stop.failures_count > 0 && failed >= static_cast<std::uint64_t>(spec.stop.failures_count);
+  if (is_stopped && is_gathered)
+    Print(stdout, "it was ended by its `stop`\n");
+  else if (done < total || !is_gathered)
+    Print(stdout, "{}, unless it is flown now: tiltproof campaign --resume {}\n",
+          done < total && !is_stopped ? "it can go on" : "its failures are not gathered yet; it can go on",
+          folder.string());
   return kExitGreen;
 }
 

@@ -212,6 +212,7 @@ void RegisterEnvelope(CLI::App& program, CommandLine& line) {
       ->add_option("--firmware", options->firmware,
                    "Builds of the shipped firmware, side by side, all with one client: paper,tolerant")
       ->delimiter(',')
+      ->check(NamesNoBuild)
       ->allow_extra_args(false);
   AddClients(*command, options->clients, "Several stand side by side.");
   command

@@ -1,6 +1,7 @@
 // The program: its commands, and the errors that end it.
 #include <CLI/CLI.hpp>
 #include <exception>
+#include <filesystem>
 #include <iostream>
 
 #include "harness/cli/commands.h"
@@ -29,6 +30,9 @@ int Act(const CommandLine& line) {
     // It names its place itself: file:line:col, or the flag.
     Print(stderr, "{}\n", TextLines(error.what()));
     return kExitUsage;
+  } catch (const std::filesystem::filesystem_error& error) {
+    Print(stderr, "tiltproof: error: {}: {}\n", TextLines(error.path1().string()), error.code().message());
+    return kExitError;
   } catch (const std::exception& error) {
     Print(stderr, "tiltproof: error: {}\n", TextLines(error.what()));
     return kExitError;

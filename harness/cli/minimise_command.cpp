@@ -132,6 +132,7 @@ std::string FlightsText(std::size_t count) {
 
 void PrintStep(const MinimiseStep& step) {
   const bool same = step.before == step.after && step.what != "faults";
+  if (same && step.runs == 0) return;  // nothing to try, or no flights left
   PrintLine(stdout, 0,
             fmt::format("{}: {} in {}", step.what,
                         same ? step.before + ", no less," : step.before + " -> " + step.after,

@@ -223,7 +223,13 @@ std::optional<int> SelectFlights(const RunOptions& options, SelectedFlights& fli
   suite = LoadSuite(options.paths, flights.means.clients, options.firmware);
   const std::size_t found = suite.scenarios.size();
   suite.scenarios = Select(std::move(suite.scenarios), options);
-  Sweep(ReadSweep(options.settings), flights.means.clients, options.firmware, suite);
+  const std::vector<SweepAxis> sweep = ReadSweep(options.settings);
+  if (!options.firmware.empty() &&
+      std::ranges::any_of(sweep, [](const SweepAxis& axis) { return axis.path == "firmware"; }))
+    throw UsageError(
+        fmt::format("--set firmware: --firmware {} sets the build of every flight: leave out one of the two",
+                    options.firmware));
+  Sweep(sweep, flights.means.clients, options.firmware, suite);
   std::optional<std::vector<NotGreen>> last;
   if (options.last_failed) {
     last = NotGreenOfLastRun(options.out);

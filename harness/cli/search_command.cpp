@@ -159,8 +159,13 @@ LeastRobustTask MakeSearchTask(const LeastRobustFlags& flags, const SuiteScenari
                        .means = means,
                        .replay = {}};
   task.job.scenario.seed = flags.seed.value_or(entry.scenario.seed);
-  for (const std::string& text : flags.over)
-    task.numbers.push_back(ReadOver(text, entry.scenario, entry.model->signals()));
+  for (const std::string& text : flags.over) {
+    SearchedNumber number = ReadOver(text, entry.scenario, entry.model->signals());
+    if (std::ranges::any_of(task.numbers,
+                            [&](const SearchedNumber& other) { return other.name == number.name; }))
+      throw UsageError(fmt::format("--over {}: this number is given twice", text));
+    task.numbers.push_back(std::move(number));
+  }
   if (flags.over.empty()) task.numbers = FaultNumbers(entry.scenario, entry.model->signals());
   if (task.numbers.empty())
     throw UsageError(fmt::format(

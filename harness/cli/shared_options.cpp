@@ -12,13 +12,15 @@ void AddClients(CLI::App& command, std::vector<std::string>& clients, const std:
       ->allow_extra_args(false);
 }
 
+std::string NamesNoBuild(const std::string& name) { return name.empty() ? "names no build" : ""; }
+
 void AddFirmware(CLI::App& command, std::string& build) {
   command
       .add_option("--firmware", build,
                   "Every client flies this build of the firmware (paper, tolerant, ...) instead of what the "
                   "scenario says, and `expect` is that of this build")
       ->type_name("NAME")
-      ->check([](const std::string& name) { return name.empty() ? "names no build" : ""; });
+      ->check(NamesNoBuild);
 }
 
 void AddBus(CLI::App& command, int& domain, std::string& interface, std::vector<std::string>& peers) {

@@ -14,6 +14,8 @@ namespace tiltproof::harness {
 
 // `more`: another line of the help.
 void AddClients(CLI::App& command, std::vector<std::string>& clients, const std::string& more = "");
+// A check of names of builds.
+std::string NamesNoBuild(const std::string& name);
 void AddFirmware(CLI::App& command, std::string& build);
 void AddBus(CLI::App& command, int& domain, std::string& interface, std::vector<std::string>& peers);
 void AddSeed(CLI::App& command, std::optional<std::uint64_t>& seed, const std::string& help);

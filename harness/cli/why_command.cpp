@@ -126,6 +126,18 @@ bool IsRepeated(const FailedFlight& flight) {
                     "now; the program, the "
                     "firmware or a file that it flies with has changed: `run` flies it as it is today",
                     flight.result.trace_hash, now.trace_hash));
+  const CriterionResult* then = FirstViolated(flight.result.score);
+  const CriterionResult* today = FirstViolated(now.score);
+  const auto text = [](const CriterionResult* criterion) -> std::string {
+    if (criterion == nullptr) return "none";
+    const std::string when = criterion->time_s ? fmt::format(" (at {:.3f} s)", *criterion->time_s) : "";
+    return fmt::format("'{}'{}", criterion->name, when);
+  };
+  if (text(then) != text(today))
+    throw std::runtime_error(
+        fmt::format("why: the criteria in {} are not those of the verdict: the flight violated {} first, and "
+                    "today {}; `score` judges it again by the file",
+                    (flight.folder / "scenario.resolved.yaml").string(), text(then), text(today)));
   return true;
 }
 

@@ -83,6 +83,10 @@ class CampaignResultsTest(CommandLineTest):
             self.assertEqual(found[key], pairs.count(pair), key)
         self.assertEqual(found["all"]["both"], pairs.count(("pass", "pass")))
         self.assertEqual(code, 1 if found["worse"] else 0)
+        # The ways to fail are those of the folders.
+        ways = {folder: {row[0] for row in self.sql(folder, "SELECT signature FROM failure")} for folder in "ab"}
+        self.assertEqual((found["new_signatures"], found["gone_signatures"]), (sorted(ways["b"] - ways["a"]), sorted(ways["a"] - ways["b"])))
+        self.assertNotEqual(ways["a"], {row[0] for row in self.sql("a", "SELECT signature FROM run WHERE verdict = 'fail'")}, "the first ones are others")
         code, out, _ = self.tiltproof("campaign", "compare", "a", "a")
         self.assertEqual(code, 0)
         self.assertIn("40 runs of both, 40 with the same trace; B is better in 0, worse in 0", out)

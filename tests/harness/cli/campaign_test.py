@@ -7,6 +7,7 @@ import json
 import os
 import re
 import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -189,6 +190,7 @@ class CampaignTest(CommandLineTest):
         self.assertEqual(sum(row[3] != "pass" for row in rows), 3)
         self.assertNotEqual(rows[-1][3], "pass")
         self.assertEqual(self.rows("three"), self.rows("one"))
+        self.assertIn("it was ended by its `stop`", self.campaign("status", "one", code=0)[0])
 
     def test_mild_faults_are_survived(self):
         (self.folder / "mild.yaml").write_text(
@@ -225,6 +227,29 @@ class CampaignTest(CommandLineTest):
         self.campaign("show", "kept", passed[0], "--no-report", code=0)
         _, err = self.campaign("show", "kept", 30, code=2)
         self.assertIn("there is no run 30: the 30 runs count from 0", err)
+        self.assertIn("RUN: Value -1 not in range", self.campaign("show", "kept", -1, code=2)[1])
+
+    def test_what_an_interrupted_command_has_half_kept_is_flown_again(self):
+        self.campaign(self.file(60), "--out", "kept", "-j", "2", code=1)
+        flights = sorted(path for path in (self.folder / "kept/failures").glob("*/run-*") if path.is_dir())
+        names = {path: sorted(file.name for file in path.iterdir()) for path in flights}
+        pages = [path.parent / "report.html" for path in flights]
+        self.assertGreater(len(flights), 2)
+        # As a full disk leaves them: an error in place of a flight, a flight without its page, none.
+        shutil.rmtree(flights[0])
+        flights[0].mkdir()
+        (flights[0] / "verdict.json").write_text((flights[1] / "verdict.json").read_text().replace('"fail"', '"error"', 1))
+        pages[1].unlink()
+        shutil.rmtree(flights[2])
+        (self.folder / "kept/campaign.json").unlink()
+        self.assertIn("its failures are not gathered yet", self.campaign("status", "kept", code=0)[0])
+        self.campaign("--resume", "kept", code=1)
+        self.assertEqual({path: sorted(file.name for file in path.iterdir()) for path in flights}, names)
+        self.assertTrue(all(page.exists() for page in pages))
+        self.assertNotIn("go on", self.campaign("status", "kept", code=0)[0])
+        # The flights of a campaign are not those of another one.
+        (self.folder / "kept/campaign.sqlite").unlink()
+        self.assertIn("holds the failures of a campaign whose database is gone", self.campaign("night.yaml", "--out", "kept", code=2)[1])
 
     def test_another_client_confirms_what_was_found(self):
         client = f"library:{PROGRAM.parent}/lib/libtiltproof_firmware.so"  # the same firmware
@@ -254,6 +279,14 @@ class CampaignTest(CommandLineTest):
 
         self.assertIn("name a campaign file, scenarios, or a campaign to go on with", mistake())
         self.assertRegex(mistake(self.file(10, "draft: 1\n")), r"night\.yaml:7:1: unknown key 'draft'")
+        file = self.folder / self.file(10)
+        text = file.read_text()
+        for old, new, message in (("campaign: night\n", "", r"night\.yaml:\d+:\d+: missing key 'campaign'"),
+                                  ("frame.drop]", '"wires.*"]', r"night\.yaml:6:36: types: 'wires\.\*' matches no fault type; did you mean 'wire\.\*'\?"),
+                                  ("draw:\n", "draw:\n  recover_s: 10\n  start_s: {choice: [1]}\n", r"draw\.recover_s: 10 leaves no time for faults in hover, which lasts 1\.2 s")):
+            self.assertEqual(text.count(old), 1)
+            file.write_text(text.replace(old, new))
+            self.assertRegex(mistake("night.yaml", "--out", "no"), message)
         self.assertIn("takes one campaign file, or scenarios", mistake(self.file(10), "hover.yaml"))
         self.assertIn("must be K/N", mistake("night.yaml", "--shard", "3/2"))
         self.assertIn("only with --executor slurm", mistake("night.yaml", "--task-runs", "5", "--out", "tasks"))
@@ -261,6 +294,8 @@ class CampaignTest(CommandLineTest):
         self.assertIn("there is no campaign in this folder", mistake("--resume", "nowhere"))
         self.assertIn("there is no campaign in this folder", mistake("status", "nowhere"))
         self.assertIn("did you mean 'tolerant'?", mistake("night.yaml", "--firmware", "tolerent"))
+        self.assertIn("--firmware: names no build", mistake("night.yaml", "--firmware", "", "--out", "none"))
+        self.assertFalse((self.folder / "none").exists())
         self.campaign("night.yaml", "--out", "there", "--no-report", code=0)
         self.assertIn("there holds a campaign already: go on with it (--resume there)", mistake("night.yaml", "--out", "there"))
         self.assertIn("knows no virtual time", mistake("night.yaml", "--client", "process:true {port}"))

@@ -86,6 +86,7 @@ class SearchTest(CommandLineTest):
                 ((file, "--over", "faults.first.parameters.force_n=1..1e9"), "allowed is"),
                 ((file, "--over", "link.bauds=1..2"), "baud"),
                 ((file, "--over", "nothing"), "KEY=A..B"),
+                ((file, "--over", "link.baud=100000..200000", "--over", "link.baud=1000000..2000000"), "given twice"),
                 ((file, "--out", str(taken)), "something else is there"),
                 ((calm,), "no fault with a severity or a window")):
             code, out, err = self.tiltproof("search", *arguments)

@@ -111,6 +111,8 @@ class SweepTest(CommandLineTest):
             self.assertNotIn(":-", err)
         _, err = self.sweep("--set", "seed=1", "--set", "seed=2", code=2)
         self.assertIn("given twice", err)
+        _, err = self.sweep("--set", "firmware=paper,tolerant", "--firmware", "paper", code=2)
+        self.assertIn("--firmware paper sets the build of every flight", err)
 
 
 if __name__ == "__main__":

@@ -110,6 +110,18 @@ class WhyTest(CommandLineTest):
         self.assertNotEqual(scenario.read_text(), text)
         self.refused(flight, "the flight is not the same any more", code=3)
 
+    def test_criteria_that_are_not_those_of_the_verdict_any_more(self):
+        flight = self.fly("edited", late("edited"))
+        scenario = flight / "scenario.resolved.yaml"
+        text = scenario.read_text()
+        self.assertEqual(text.count("<= 0.5"), 1)
+        for limit, now in (("<= 50", "today 'survival' (at "), ("<= 0.6", "today 'stays-on-path' (at ")):
+            scenario.write_text(text.replace("<= 0.5", limit))
+            self.refused(flight, "the criteria in", code=3)
+            self.assertIn(now, self.tiltproof("why", flight)[2])
+        scenario.write_text(text)
+        self.why(flight)
+
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1])
