@@ -272,6 +272,28 @@ def short_table(layers):
     return "\n".join(lines)
 
 
+def worse_rows(rows, half, options):
+    """In which the second firmware survives less: the names of the rows, and how much less."""
+    found = {}
+    for key, row in rows.items():
+        own = row.halves[half]
+        tolerance = options.tolerance or (BOARD_TOLERANCE if row.mark == PARTS["-board"] else TOLERANCES[half])
+        if own.ratio is not None and own.ratio < 1 - tolerance:
+            found[" ".join(key).strip()] = f"{' and '.join(own.cells)}, {own.ratio:.3g} times as far"
+        elif own.less:
+            found[" ".join(key).strip()] = f"at {own.less}"
+    return found
+
+
+def worse_text(rows, clients, options):
+    old, new = clients
+    halves = []
+    for i, title in enumerate(TITLES):
+        worse = worse_rows(rows, i, options)
+        halves.append(f"{title}: " + (", ".join(f"`{name}`" for name in worse) or "none"))
+    return paragraph(f"Faults of which `{new}` survives less than `{old}`, at some level at least: {'; '.join(halves)}.")
+
+
 def paragraph(text):
     return textwrap.fill(text, 108, break_on_hyphens=False)
 
@@ -326,6 +348,8 @@ def page(rows, clients, layers, limits, options, missing):
 {short_table(layers)}
 
 {counted}
+
+{worse_text(rows, clients, options)}
 
 {whole_table(rows, clients, limits, missing)}
 """
@@ -408,8 +432,9 @@ def write_tables(options):
     if not rows:
         return rows, {}, None, []
     layers, limits, missing = layers_of(rows), Limits(options.limits), []
-    options.page.write_text(page(rows, clients or options.firmware.split(","), layers, limits, options, missing))
-    write_block(options.readme, "\n" + short_table(layers) + "\n")
+    clients = clients or options.firmware.split(",")
+    options.page.write_text(page(rows, clients, layers, limits, options, missing))
+    write_block(options.readme, f"\n{short_table(layers)}\n\n{worse_text(rows, clients, options)}\n")
     return rows, layers, limits, missing
 
 
@@ -425,15 +450,9 @@ def report(rows, layers, options):
         twice = [sum(best(places, i) >= TWICE for places in layer.values()) for layer in layers.values()]
         print(f"{title}: {sum(twice)} of {len(types)} types survived at least twice as severely; by layer: "
               + ", ".join(f"{name} {count} of {len(layers[name])}" for name, count in zip(layers, twice)))
-        for key, row in rows.items():
-            value = row.halves[i].ratio
-            tolerance = options.tolerance or (BOARD_TOLERANCE if row.mark == PARTS["-board"] else TOLERANCES[i])
-            if value is not None and value < 1 - tolerance:
-                worse += 1
-                print(f"  worse: {' '.join(key).strip()}: {' and '.join(row.halves[i].cells)}, {value:.3g} times as far")
-            elif row.halves[i].less:
-                worse += 1
-                print(f"  worse: {' '.join(key).strip()}: at {row.halves[i].less}")
+        for name, how in worse_rows(rows, i, options).items():
+            worse += 1
+            print(f"  worse: {name}: {how}")
     return worse
 
 
