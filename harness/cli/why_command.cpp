@@ -112,6 +112,24 @@ FailedFlight OpenFailed(const WhyOptions& options) {
   return flight;
 }
 
+struct FirstViolation {
+  std::string criterion;  // empty: none was violated
+  std::optional<TimeNs> time_ns;
+  friend bool operator==(const FirstViolation&, const FirstViolation&) = default;
+};
+
+FirstViolation FirstViolationOf(const Score& score) {
+  const CriterionResult* criterion = FirstViolated(score);
+  if (criterion == nullptr) return {};
+  return {criterion->name, criterion->time_s ? std::optional(FromSeconds(*criterion->time_s)) : std::nullopt};
+}
+
+std::string Text(const FirstViolation& first) {
+  if (first.criterion.empty()) return "none";
+  return fmt::format("'{}'{}", first.criterion,
+                     first.time_ns ? fmt::format(" (at {:.3f} s)", ToSeconds(*first.time_ns)) : "");
+}
+
 // The flight must be the same today. False: interrupted.
 bool IsRepeated(const FailedFlight& flight) {
   Engine engine({.jobs_count = 1, .interrupted = InterruptScope::flag()});
@@ -126,18 +144,12 @@ bool IsRepeated(const FailedFlight& flight) {
                     "now; the program, the "
                     "firmware or a file that it flies with has changed: `run` flies it as it is today",
                     flight.result.trace_hash, now.trace_hash));
-  const CriterionResult* then = FirstViolated(flight.result.score);
-  const CriterionResult* today = FirstViolated(now.score);
-  const auto text = [](const CriterionResult* criterion) -> std::string {
-    if (criterion == nullptr) return "none";
-    const std::string when = criterion->time_s ? fmt::format(" (at {:.3f} s)", *criterion->time_s) : "";
-    return fmt::format("'{}'{}", criterion->name, when);
-  };
-  if (text(then) != text(today))
+  const FirstViolation then = FirstViolationOf(flight.result.score), today = FirstViolationOf(now.score);
+  if (then != today)
     throw std::runtime_error(
         fmt::format("why: the criteria in {} are not those of the verdict: the flight violated {} first, and "
                     "today {}; `score` judges it again by the file",
-                    (flight.folder / "scenario.resolved.yaml").string(), text(then), text(today)));
+                    (flight.folder / "scenario.resolved.yaml").string(), Text(then), Text(today)));
   return true;
 }
 
