@@ -146,10 +146,6 @@ std::string LiveBoard::TakeUpdate(Seen& seen, std::size_t bytes_max) const {
   }
   for (; seen.injected < injected_.size(); ++seen.injected)
     text += Event("injected", injected_[seen.injected]);
-  if (seen.status != status_count_) {
-    seen.status = status_count_;
-    text += Event("status", status_);
-  }
   seen.notes = std::max(seen.notes, notes_begin_);
   for (; seen.notes < notes_begin_ + notes_.size() && text.size() < bytes_max; ++seen.notes)
     text += Event("note", notes_[seen.notes - notes_begin_]);
@@ -168,6 +164,13 @@ std::string LiveBoard::TakeUpdate(Seen& seen, std::size_t bytes_max) const {
   if (flight_ > 0 && !flying_ && !seen.over && at == rows_.size()) {
     seen.over = true;
     text += Event("over", fmt::format("{{\"flight\":{}}}", flight_));
+  }
+  // A page that hears of the end listens no longer: everything else comes first.
+  const bool is_all =
+      at == rows_.size() && seen.notes == notes_begin_ + notes_.size() && seen.finished == finished_.size();
+  if (is_all && seen.status != status_count_) {
+    seen.status = status_count_;
+    text += Event("status", status_);
   }
   return text;
 }

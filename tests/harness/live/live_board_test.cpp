@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -130,6 +131,27 @@ TEST(LiveBoard, WhoWasAwayGetsWhatIsThereNow) {
   board.AddRow(Row(board, std::nan("")));
   board.AddRow(std::vector<double>(3, 1.0));
   EXPECT_TRUE(board.TakeUpdate(seen).empty());
+}
+
+// A page that hears that the run has ended listens no longer.
+TEST(LiveBoard, TheEndOfTheRunIsTheLastEvent) {
+  LiveBoard board;
+  board.Begin(Plan());
+  for (int i = 0; i < 2000; ++i) board.AddRow(Row(board, i * kPeriod_s));
+  board.Note(1, "reset", "a");
+  board.Finish("hover", R"({"name":"hover"})");
+  board.SetStatus(R"({"phase":"ended","text":""})");
+  for (const std::size_t bytes_max : {std::size_t{1000}, std::size_t{1} << 30}) {
+    LiveBoard::Seen seen;
+    std::vector<std::string> names;
+    for (std::string text = board.TakeUpdate(seen, bytes_max); !text.empty();
+         text = board.TakeUpdate(seen, bytes_max))
+      for (const Event& event : Events(text)) names.push_back(event.name);
+    ASSERT_GE(names.size(), 6U);
+    EXPECT_EQ(std::vector(names.end() - 3, names.end()),
+              (std::vector<std::string>{"rows", "over", "status"}));
+    EXPECT_EQ(std::count(names.begin(), names.end(), "status"), 1);
+  }
 }
 
 TEST(ListenOnLoopback, SaysWhatToDoWhenAPortIsTaken) {
