@@ -216,6 +216,24 @@ class SurvivalTest(unittest.TestCase):
         self.assertEqual(set(re.findall(r"(\d+) flights?, in ", self.tables(*arguments, script=script)[1])), {"0"}, "all rows are there")
         self.assertEqual((self.folder / "page.md").read_text(), page)
 
+    def test_random_levels_below_the_limits(self):
+        script = short_flights(self.folder / "short")
+        self.tables("--fly", PROGRAM, "-j", "2", "--types", "actuator.loss_of_effectiveness,link.silence", "--repeats", "1", "--tolerance", "0.1", script=script)
+        file = self.folder / "spiral/envelope.json"
+
+        def spot_check():
+            done = subprocess.run([sys.executable, "-B", script.parent / "spot_check.py", PROGRAM, script.parent / "spiral.yaml", file, "--rows", "4", "-j", "2"],
+                                  capture_output=True, text=True, timeout=240, check=False)
+            return done.returncode, done.stdout + done.stderr
+
+        code, out = spot_check()
+        self.assertEqual((code, "0 of 4 rows fail below their limit, in 40 flights" in out), (0, True), out)
+        envelope = json.loads(file.read_text())
+        envelope["rows"] = [{**row, "survives": row["severest"], "fails": None} for row in envelope["rows"] if row.get("actuator") == "f_r"]
+        file.write_text(json.dumps(envelope))
+        code, out = spot_check()
+        self.assertEqual((code, "2 of 2 rows fail below their limit" in out), (1, True), out)
+
     def test_each_type_is_written_before_the_next_one_flies(self):
         script = short_flights(self.folder / "short")
         page = self.folder / "page.md"
