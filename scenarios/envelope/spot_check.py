@@ -53,7 +53,7 @@ class Examples:
 
 def with_value(text, key, value):
     """The item with this value; the key is added where it is missing."""
-    changed, count = re.subn(rf"\b{key}: [^,{{}}\s]+", f"{key}: {value}", text)
+    changed, count = re.subn(rf"\b{key}: [^,{{}}\s]+", f"{key}: {value}", text, count=1)
     return changed if count else re.sub(r"(type: [\w.]+)", rf"\1, {key}: {value}", text, count=1)
 
 

@@ -38,6 +38,7 @@ MARK = "<!-- survival: scenarios/envelope/tables.py writes what is below -->"
 END = "<!-- survival: end -->"
 TWICE = 2.0
 NO_MARGIN = "n/a"
+NEVER = "never acted"
 POCKETS = "\\*"
 EXACT = "°"
 
@@ -72,7 +73,7 @@ def cell(row):
     if row is None:
         return NO_MARGIN
     if "error" in row:
-        return "never acted" if row["levels"] and len(row.get("idle_levels", [])) == len(row["levels"]) else "error"
+        return NEVER if row["levels"] and len(row.get("idle_levels", [])) == len(row["levels"]) else "error"
     sure = EXACT if row["seeds"] == 1 else ""
     if row["survives"] is None:
         return "none"
@@ -111,7 +112,7 @@ class Half:
         return [*self.cells, "-" if self.ratio is None else "∞" if self.ratio == math.inf else f"{self.ratio:.3g}", self.less]
 
     def wants_reason(self):
-        return self.ratio is not None and self.ratio < TWICE and not self.cells[1].startswith("all")
+        return self.cells[1] == NEVER or self.ratio is not None and self.ratio < TWICE and not self.cells[1].startswith("all")
 
 
 # At levels of the page that were flown before searches scanned below a limit.
@@ -290,8 +291,10 @@ def worse_text(rows, clients, options):
     halves = []
     for i, title in enumerate(TITLES):
         worse = worse_rows(rows, i, options)
-        halves.append(f"{title}: " + (", ".join(f"`{name}`" for name in worse) or "none"))
-    return paragraph(f"Faults of which `{new}` survives less than `{old}`, at some level at least: {'; '.join(halves)}.")
+        unscanned = any(NOT_SCANNED in cell for row in rows.values() for cell in row.halves[i].cells)
+        none = f"none is known (levels with {NOT_SCANNED} have no scan)" if unscanned else "none"
+        halves.append(f"{title[0].upper()}{title[1:]}: " + (", ".join(f"`{name}`" for name in worse) or none) + ".")
+    return paragraph(f"There are faults of which `{new}` survives less than `{old}`, at some level at least. {' '.join(halves)}")
 
 
 def paragraph(text):

@@ -97,7 +97,7 @@ class SurvivalTest(unittest.TestCase):
         self.assertEqual(code, 1)
         self.assertIn("worse: a.x both: 1 (50 %) and 0.97 (50 %), 0.97 times as far", out)
         for file in (self.readme, self.folder / "page.md"):
-            self.assertIn("known vehicle, no noise: none; another vehicle, noise on all sensors: `a.x both`.", " ".join(file.read_text().split()))
+            self.assertIn("Known vehicle, no noise: none. Another vehicle, noise on all sensors: `a.x both`.", " ".join(file.read_text().split()))
 
     def test_pockets_and_what_is_exact(self):
         """Both directions of a severity; a level that only the first one survives is named, also beyond the limit of the second."""
