@@ -294,7 +294,7 @@ def worse_text(rows, clients, options):
         unscanned = any(NOT_SCANNED in cell for row in rows.values() for cell in row.halves[i].cells)
         none = f"none is known (levels with {NOT_SCANNED} have no scan)" if unscanned else "none"
         halves.append(f"{title[0].upper()}{title[1:]}: " + (", ".join(f"`{name}`" for name in worse) or none) + ".")
-    return paragraph(f"There are faults of which `{new}` survives less than `{old}`, at some level at least. {' '.join(halves)}")
+    return paragraph(f"`{new}` survives these faults less than `{old}`, at one level at least. {' '.join(halves)}")
 
 
 def paragraph(text):
