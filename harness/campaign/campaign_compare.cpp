@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <set>
 #include <stdexcept>
 
@@ -46,19 +47,25 @@ void Count(PairedCounts& counts, bool first, bool second) {
   ++(first ? second ? counts.both : counts.only_first : second ? counts.only_second : counts.neither);
 }
 
-// By run: the final signatures of a campaign; nothing when they are not known yet of all its failures.
-std::map<std::uint64_t, std::string> FinalSignatures(const CampaignStore& store) {
-  std::map<std::uint64_t, std::string> finals;
+using SignatureByRun = std::map<std::uint64_t, std::string>;
+
+// The final signatures of a campaign; nothing when they are not known yet of all its failures.
+std::optional<SignatureByRun> FinalSignatures(const CampaignStore& store) {
+  SignatureByRun finals;
   for (const CampaignFailure& failure : store.Failures()) finals.emplace(failure.run, failure.signature);
   std::uint64_t failed_count = 0;
   store.ForEach([&](const CampaignRun& run) { failed_count += run.signature.empty() ? 0 : 1; });
-  return finals.size() == failed_count ? finals : std::map<std::uint64_t, std::string>();
+  return finals.size() == failed_count ? std::optional(std::move(finals)) : std::nullopt;
 }
 
 class Comparer {
  public:
   Comparer(const CampaignStore& first, const CampaignStore& second)
-      : first_finals_(FinalSignatures(first)), second_finals_(FinalSignatures(second)) {}
+      : first_finals_(FinalSignatures(first)), second_finals_(FinalSignatures(second)) {
+    // Signatures of two kinds have nothing in common.
+    const bool is_all = first_finals_ && second_finals_;
+    if (!is_all) first_finals_ = second_finals_ = std::nullopt;
+  }
 
   void Add(const CampaignRun& a, const CampaignRun& b) {
     ++result_.runs;
@@ -101,11 +108,11 @@ class Comparer {
   }
 
  private:
-  static void NoteSignature(const CampaignRun& run, const std::map<std::uint64_t, std::string>& finals,
+  static void NoteSignature(const CampaignRun& run, const std::optional<SignatureByRun>& finals,
                             std::set<std::string>& signatures) {
     if (run.signature.empty()) return;
-    const auto final_one = finals.find(run.number);
-    signatures.insert(final_one != finals.end() ? final_one->second : run.signature);
+    const bool is_known = finals && finals->contains(run.number);
+    signatures.insert(is_known ? finals->at(run.number) : run.signature);
   }
 
   void TakeChange(const CampaignRun& a, const CampaignRun& b) {
@@ -116,7 +123,7 @@ class Comparer {
     result_.changed.push_back({a.number, a.seed, change, FlightOf(a), FlightOf(b)});
   }
 
-  std::map<std::uint64_t, std::string> first_finals_, second_finals_;
+  std::optional<SignatureByRun> first_finals_, second_finals_;
   CampaignComparison result_;
   std::map<std::string, PairedCounts> types_;
   std::set<std::string> first_firmware_, second_firmware_, first_signatures_, second_signatures_;

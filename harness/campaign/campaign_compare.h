@@ -49,8 +49,9 @@ struct CampaignComparison {
   ComparedRates all;
   std::vector<ComparedRates>
       by_type;  // flights with a fault of the type; the ones that got worse most, first
-  std::vector<std::string> new_signatures, gone_signatures;  // final; those of a campaign under way: first
-  std::vector<ChangedRun> changed;                           // in the order of the numbers
+  std::vector<std::string> new_signatures,
+      gone_signatures;              // final; first ones while a campaign is under way
+  std::vector<ChangedRun> changed;  // in the order of the numbers
   TILTPROOF_FIELDS(format, version, first, second, first_firmware, second_firmware, runs, only_in_first,
                    only_in_second, not_judged, identical, better, worse, other_criterion, all, by_type,
                    new_signatures, gone_signatures, changed)

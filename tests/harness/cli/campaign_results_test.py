@@ -91,6 +91,12 @@ class CampaignResultsTest(CommandLineTest):
         self.assertEqual(code, 0)
         self.assertIn("40 runs of both, 40 with the same trace; B is better in 0, worse in 0", out)
         self.assertTrue(any(line.startswith("passes of B less those of A") for line in out.splitlines()), out)
+        # While one of them has no final ones yet, the first ones of both are compared.
+        with sqlite3.connect(self.folder / "b/campaign.sqlite") as database:
+            database.execute("DELETE FROM failures")
+        found = json.loads(self.tiltproof("campaign", "compare", "a", "b", "--format", "jsonl")[1])
+        ways = {folder: {row[0] for row in self.sql(folder, "SELECT signature FROM run WHERE verdict = 'fail'")} for folder in "ab"}
+        self.assertEqual((found["new_signatures"], found["gone_signatures"]), (sorted(ways["b"] - ways["a"]), sorted(ways["a"] - ways["b"])))
 
     def test_errors_name_the_cause(self):
         self.fly("a", "--runs", "3")
