@@ -316,6 +316,8 @@ export function readerChecks({ check, open, openFlight, fly, report, now, pictur
     assert.ok(Math.abs(dot - (across.zero + across.sign * across.per * Number(row[trace[0].indexOf("x_m")]))) < 2, `${dot}`);
     await page.locator(".xy").scrollIntoViewIfNeeded();
     await page.screenshot({ path: join(out, "extras-light.png") });
+    // The address gets the time once the reader has stopped for a moment.
+    await page.waitForFunction((wanted) => location.hash.includes(`&t=${wanted}`), t);
     const address = await page.url();
     await page.close();
     const again = await open(address.replace("file://", ""));
