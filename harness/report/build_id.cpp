@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string_view>
 
 #include "harness/report/files.h"
 #include "harness/run/hash.h"
@@ -14,8 +15,9 @@ std::string BuildId(const std::filesystem::path& firmware_library) {
   std::uint64_t hash = kFnvOffset;
   for (const auto& file : {std::filesystem::path("/proc/self/exe"), firmware_library}) {
     if (file.empty()) continue;
-    const std::string content = ReadFile(file);
-    hash = Fnv1a(std::span(reinterpret_cast<const std::uint8_t*>(content.data()), content.size()), hash);
+    ReadPieces(file, [&](std::string_view piece) {
+      hash = Fnv1a(std::span(reinterpret_cast<const std::uint8_t*>(piece.data()), piece.size()), hash);
+    });
   }
   return fmt::format("{:016x}", hash);
 }

@@ -88,9 +88,17 @@ void WriteNewFile(const std::filesystem::path& path, std::string_view content) {
 }
 
 std::string ReadFile(const std::filesystem::path& path) {
+  std::string content;
+  std::error_code none;
+  // A pipe has no size, and a file may grow.
+  if (const auto size = std::filesystem::file_size(path, none); !none) content.reserve(size);
+  ReadPieces(path, [&](std::string_view piece) { content += piece; });
+  return content;
+}
+
+void ReadPieces(const std::filesystem::path& path, const std::function<void(std::string_view)>& take) {
   const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (file < 0) Fail("open", path, errno);
-  std::string content;
   char buffer[65536];
   for (;;) {
     const ssize_t got = read(file, buffer, sizeof buffer);
@@ -101,10 +109,9 @@ std::string ReadFile(const std::filesystem::path& path) {
       Fail("read", path, error);
     }
     if (got == 0) break;
-    content.append(buffer, static_cast<std::size_t>(got));
+    take({buffer, static_cast<std::size_t>(got)});
   }
   close(file);
-  return content;
 }
 
 std::filesystem::path CreateRunFolder(const std::filesystem::path& parent, const std::string& suite,

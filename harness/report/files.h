@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -47,6 +48,8 @@ void WriteFile(const std::filesystem::path& path, std::string_view content);
 // Never replaces anything: an error if there is something of that name, be it a link to nothing.
 void WriteNewFile(const std::filesystem::path& path, std::string_view content);
 std::string ReadFile(const std::filesystem::path& path);
+// The bytes in pieces, in their order: a large file does not fill memory.
+void ReadPieces(const std::filesystem::path& path, const std::function<void(std::string_view)>& take);
 
 // Creates <parent>/<UTC to the ms>-<suite>-<seed>[-n] exclusively, n = 2, 3, ... when it exists already, and
 // points <parent>/latest at it, unless that is not a link but a user's file or folder.

@@ -23,7 +23,7 @@ std::vector<std::string> Places(const std::string& type) {
   return places;
 }
 
-Scenario Base() {
+Scenario WithPlaceholder() {
   Scenario base;
   base.duration_ns = 40 * kNsPerS;
   faults::FaultSpec other, probe;
@@ -58,7 +58,7 @@ TEST(EnvelopeRows, AreTheTypesPlaces) {
 }
 
 TEST(EnvelopeRows, TheFaultIsOnTheClientOfItsPlaceholder) {
-  Scenario base = Base();
+  Scenario base = WithPlaceholder();
   base.faults[1].client = "a";
   const auto client = [&](const std::string& type) {
     const EnvelopeRow row = EnvelopeRows(*faults::FindFaultType(type), TiltRotorSignals()).front();
@@ -71,7 +71,7 @@ TEST(EnvelopeRows, TheFaultIsOnTheClientOfItsPlaceholder) {
 TEST(EnvelopeRows, EachRowOfEachTypeIsAValidFault) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
     for (const EnvelopeRow& row : EnvelopeRows(type, TiltRotorSignals())) {
-      const Scenario scenario = WithRow(Base(), row, TiltRotorSignals());
+      const Scenario scenario = WithRow(WithPlaceholder(), row, TiltRotorSignals());
       ASSERT_EQ(scenario.faults.size(), 2u);
       EXPECT_EQ(scenario.faults[0].type, "frame.drop") << "others stay";
       EXPECT_EQ(scenario.faults[1].type, type.name);
@@ -88,7 +88,8 @@ TEST(EnvelopeRows, EachSideIsSearchedOnItsOwn) {
   for (const faults::FaultType& type : faults::FaultTypes()) {
     for (const EnvelopeRow& row : EnvelopeRows(type, TiltRotorSignals())) {
       if (row.side.empty()) continue;
-      const Severity severity = SeverityOf(WithRow(Base(), row, TiltRotorSignals()), 1, TiltRotorSignals());
+      const Severity severity =
+          SeverityOf(WithRow(WithPlaceholder(), row, TiltRotorSignals()), 1, TiltRotorSignals());
       const double harmless = severity.range.harmless.value();
       EXPECT_EQ(severity.range.start, harmless) << type.name;
       EXPECT_EQ(severity.range.end > harmless, row.side == "positive") << type.name << " " << row.side;
@@ -100,7 +101,7 @@ TEST(EnvelopeRows, EachSideIsSearchedOnItsOwn) {
 
 TEST(EnvelopeRows, ASignalIsNotSwappedWithItself) {
   for (const EnvelopeRow& row : EnvelopeRows(*faults::FindFaultType("sensor.swap"), TiltRotorSignals())) {
-    const auto parameters = WithRow(Base(), row, TiltRotorSignals()).faults[1].parameters;
+    const auto parameters = WithRow(WithPlaceholder(), row, TiltRotorSignals()).faults[1].parameters;
     EXPECT_NE(parameters.at("signal"), parameters.at("with"));
   }
 }
@@ -108,7 +109,7 @@ TEST(EnvelopeRows, ASignalIsNotSwappedWithItself) {
 TEST(EnvelopeRows, TwoFaultsHaveIdsOfTheirOwn) {
   const auto first = EnvelopeRows(*faults::FindFaultType("frame.drop"), TiltRotorSignals());
   const auto second = EnvelopeRows(*faults::FindFaultType("plant.force"), TiltRotorSignals());
-  const Scenario scenario = WithSecondRow(Base(), first[0], second[0], TiltRotorSignals());
+  const Scenario scenario = WithSecondRow(WithPlaceholder(), first[0], second[0], TiltRotorSignals());
   ASSERT_EQ(scenario.faults.size(), 3u);
   EXPECT_EQ(scenario.faults[2].type, "plant.force");
   EXPECT_EQ(scenario.faults[2].id, "probe-second");
@@ -116,7 +117,7 @@ TEST(EnvelopeRows, TwoFaultsHaveIdsOfTheirOwn) {
 }
 
 TEST(EnvelopeRows, ABaseSaysWhereFaultsAct) {
-  EXPECT_EQ(FindPlaceholder(Base()), 1u);
+  EXPECT_EQ(FindPlaceholder(WithPlaceholder()), 1u);
   EXPECT_EQ(FindPlaceholder(Scenario()), std::nullopt);
 }
 
