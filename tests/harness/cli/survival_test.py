@@ -218,7 +218,7 @@ class SurvivalTest(unittest.TestCase):
 
     def test_random_levels_below_the_limits(self):
         script = short_flights(self.folder / "short")
-        self.tables("--fly", PROGRAM, "-j", "2", "--types", "actuator.loss_of_effectiveness,link.silence", "--repeats", "1", "--tolerance", "0.1", script=script)
+        self.tables("--fly", PROGRAM, "-j", "2", "--types", "actuator.loss_of_effectiveness", "--repeats", "1", "--tolerance", "0.1", script=script)
         file = self.folder / "spiral/envelope.json"
 
         def spot_check():
