@@ -382,9 +382,9 @@ namespace {
 
 std::string_view TextOf(link::ByteRole role) {
   switch (role) {
-    case link::ByteRole::kFlag:
+    case link::ByteRole::kFlagByte:
       return "a flag at their end";
-    case link::ByteRole::kEscape:
+    case link::ByteRole::kEscapeByte:
       return "escaped bytes";
     case link::ByteRole::kLength:
       return "a length in front";

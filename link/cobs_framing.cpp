@@ -85,7 +85,7 @@ class Cobs final : public CheckedFraming {
     for (std::size_t i = 0; i < frame.size(); ++i) {
       ByteRole role = ByteRole::kPayload;
       if (frame[i] == kDelimiter) {
-        role = ByteRole::kFlag;
+        role = ByteRole::kFlagByte;
         left = 0;
         follows_00 = false;
       } else if (left == 0) {

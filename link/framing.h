@@ -56,7 +56,7 @@ class FrameReader {
 
 // The purpose of a byte of a frame. kCode is COBS's distance to the next 00, which also stands for a 00 of payload or
 // check; kSync marks the start of a frame with its length in front.
-enum class ByteRole : std::uint8_t { kFlag, kEscape, kCode, kSync, kLength, kPayload, kCheck };
+enum class ByteRole : std::uint8_t { kFlagByte, kEscapeByte, kCode, kSync, kLength, kPayload, kCheck };
 constexpr ByteRole LastOf(ByteRole) { return ByteRole::kCheck; }
 std::string_view Name(ByteRole role);  // "flag", "escape", ...
 

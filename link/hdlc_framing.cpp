@@ -94,9 +94,9 @@ class Hdlc final : public CheckedFraming {
     std::vector<ByteRole> roles;
     std::vector<std::size_t> content;
     for (std::size_t i = 0; i < frame.size(); ++i) {
-      const bool is_escaped = i > 0 && roles.back() == ByteRole::kEscape;
-      const ByteRole role = frame[i] == kFlag                    ? ByteRole::kFlag
-                            : frame[i] == kEscape && !is_escaped ? ByteRole::kEscape
+      const bool is_escaped = i > 0 && roles.back() == ByteRole::kEscapeByte;
+      const ByteRole role = frame[i] == kFlag                    ? ByteRole::kFlagByte
+                            : frame[i] == kEscape && !is_escaped ? ByteRole::kEscapeByte
                                                                  : ByteRole::kPayload;
       if (role == ByteRole::kPayload) content.push_back(i);
       roles.push_back(role);

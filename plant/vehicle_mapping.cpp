@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <sdf/Link.hh>
 #include <sdf/Model.hh>
 #include <sdf/Root.hh>
 #include <vector>

@@ -218,10 +218,10 @@ TEST_P(FramingTest, RolesSayWhatADamagedByteChanges) {
     damaged[at] ^= 1;
     const auto parts = framing_->Split(damaged);
     switch (roles[at]) {
-      case ByteRole::kFlag:
+      case ByteRole::kFlagByte:
         EXPECT_EQ(frame[at], framing_->flag());
         break;
-      case ByteRole::kEscape:
+      case ByteRole::kEscapeByte:
         EXPECT_EQ(frame[at], framing_->escape());
         break;
       case ByteRole::kSync:
@@ -340,7 +340,7 @@ TEST(Framings, RolesOfWrittenFrames) {
   EXPECT_EQ(roles(*MakeLengthFraming({.sync = {0xAA, 0x55}, .length_bytes = 2}, CheckKind::kCrc16Ibm3740),
                   {0xAA, 0x55, 0x01, 0x00, 0x07, 0x01, 0x02}),
             "ssllpcc");
-  EXPECT_TRUE(HdlcFraming()->Has(ByteRole::kEscape));
+  EXPECT_TRUE(HdlcFraming()->Has(ByteRole::kEscapeByte));
   EXPECT_FALSE(HdlcFraming()->Has(ByteRole::kLength));
 }
 

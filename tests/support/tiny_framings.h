@@ -152,7 +152,7 @@ class CobsFraming : public TinyFraming {
     }
     for (const std::size_t place : {places[places.size() - 2], places.back()})
       if (roles[place] == ByteRole::kPayload) roles[place] = ByteRole::kCheck;
-    roles.back() = ByteRole::kFlag;
+    roles.back() = ByteRole::kFlagByte;
     return roles;
   }
 

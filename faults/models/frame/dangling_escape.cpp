@@ -41,7 +41,7 @@ FaultType FrameDanglingEscape() {
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<DanglingEscape>(setup);
                        },
-                       .needs_role = link::ByteRole::kEscape}};
+                       .needs_role = link::ByteRole::kEscapeByte}};
 }
 
 }  // namespace tiltproof::faults

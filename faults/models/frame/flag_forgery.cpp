@@ -44,7 +44,7 @@ FaultType FrameFlagForgery() {
                        .make = [](const WireSetup& setup) -> std::unique_ptr<WireModel> {
                          return std::make_unique<FlagForgery>(setup);
                        },
-                       .needs_role = link::ByteRole::kFlag}};
+                       .needs_role = link::ByteRole::kFlagByte}};
 }
 
 }  // namespace tiltproof::faults

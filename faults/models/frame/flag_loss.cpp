@@ -60,7 +60,7 @@ FaultType FrameFlagLoss() {
                        },
                        .volume = Volume::kMayLose,
                        .remembers = true,
-                       .needs_role = link::ByteRole::kFlag}};
+                       .needs_role = link::ByteRole::kFlagByte}};
 }
 
 }  // namespace tiltproof::faults
