@@ -117,11 +117,11 @@ static void misbehave(const char* how) {
     *nowhere = 1;
   }
   if (strcmp(how, "recursion") == 0) descend(1000000000);
-  if (strcmp(how, "hang") == 0)
+  if (strcmp(how, "hang_blocked") == 0 || strcmp(how, "asleep_blocked") == 0) block_signals();
+  if (strcmp(how, "hang") == 0 || strcmp(how, "hang_blocked") == 0)
     for (volatile int forever = 1; forever;) {
     }
-  if (strcmp(how, "hang_blocked") == 0) block_signals();
-  if (strcmp(how, "asleep") == 0 || strcmp(how, "hang_blocked") == 0)
+  if (strcmp(how, "asleep") == 0 || strcmp(how, "asleep_blocked") == 0)
     for (volatile int forever = 1; forever;) pause();
   if (strcmp(how, "abort") == 0) abort();
   if (strcmp(how, "assertion") == 0) assert(how == NULL);

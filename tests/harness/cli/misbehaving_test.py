@@ -115,7 +115,7 @@ class MisbehavingTest(CommandLineTest):
             return None
 
     def test_what_it_does_after_the_flight_changes_no_verdict(self):
-        ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "hang_blocked")]
+        ways = [f"destroy_{how}" for how in ("abort", "exit", "raw_exit", "asleep_blocked")]
         code, text, results = self.misbehaving("calm", *ways)
         self.assertEqual(code, 0, text)
         hashes = {entry["trace_hash"] for entry in results.values()}
