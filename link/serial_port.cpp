@@ -239,6 +239,12 @@ class SerialPort::State : public std::enable_shared_from_this<State> {
     return sending_.size() - sent_ + waiting_.size() + static_cast<std::size_t>(in_driver);
   }
 
+  std::size_t UnreadBytes() {
+    int in_driver = 0;
+    if (!IsOpen() || ioctl(port_.native_handle(), FIONREAD, &in_driver) != 0) return 0;
+    return static_cast<std::size_t>(std::max(in_driver, 0));
+  }
+
   void Close() {
     if (!IsOpen()) return;
     if (IsHardware()) {
@@ -334,6 +340,7 @@ void SerialPort::Start(Received received, Closed closed) {
 }
 bool SerialPort::Write(std::span<const std::uint8_t> bytes) { return state_->Write(bytes); }
 std::size_t SerialPort::UnsentBytes() const { return state_->UnsentBytes(); }
+std::size_t SerialPort::UnreadBytes() const { return state_->UnreadBytes(); }
 bool SerialPort::IsOpen() const { return state_->IsOpen(); }
 std::optional<pid_t> SerialPort::PeerProcess() const {
   ucred peer{};

@@ -66,6 +66,9 @@ class SerialPort final : public ByteLine {
   // closed.
   std::size_t UnsentBytes() const;
 
+  // Bytes that have arrived since the port was opened and were not read yet; 0 once the port is closed.
+  std::size_t UnreadBytes() const;
+
   bool IsOpen() const;
 
   // True if a byte takes its time at the baud rate. On a pseudo-terminal or a socket it takes no time.

@@ -83,6 +83,7 @@ class LinkRole final : public Role {
     reference_talk_.emplace(*scenario_.link.protocol);
     framer_.emplace(*scenario_.link.protocol);
     actuators_bytes_ = ShortestCommand(*scenario_.link.protocol);
+    opened_ns_ = Now();
     return ports;
   }
 
@@ -184,6 +185,7 @@ class LinkRole final : public Role {
   }
 
   void ConnectSockets() {
+    opened_ns_ = Now();
     for (PortEnd* end : {&client_, &reference_}) end->ConnectSocket(services_.loop());
     if (const auto emulator = client_.serial->PeerProcess())
       board_watch_.emplace(services_, scenario_, *emulator);
@@ -191,6 +193,8 @@ class LinkRole final : public Role {
   }
 
   void Listen() {
+    // What has come already gets its time now: a board did not send it all at once.
+    if (client_.serial && client_.serial->UnreadBytes() > 0) services_.lateness().Note(opened_ns_, Now());
     Read(*client_.line, Direction::kToPlant, "client");
     // The client should send nothing there, but its leaving is detected there. A pseudo-terminal that is not
     // open has nothing to report.
@@ -351,7 +355,8 @@ class LinkRole final : public Role {
 
   NodeServices& services_;
   RoundTrips round_trips_{services_};
-  BootTime now_ns_;  // shown last
+  BootTime now_ns_;     // shown last
+  BootTime opened_ns_;  // when its ports to the client had been opened
   BootTime sent_until_ns_ = BootTime::Earliest();
   std::string client_id_;
   std::size_t place_ = 0;  // of the client in the scenario

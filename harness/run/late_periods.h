@@ -11,6 +11,10 @@
 
 namespace tiltproof::harness {
 
+// So long after lateness its effects may still come: bytes that waited, or a watchdog's reset. Watchdogs of flight
+// controllers wait for less. One that waits for longer resets after a long standstill alone, and then no flight is judged.
+inline constexpr TimeNs kLatenessReach = 250 * kNsPerMs;
+
 struct LatePeriods {
   std::int64_t count = 0;
   TimeNs longest_ns = 0;  // of the spans

@@ -16,6 +16,8 @@ constexpr std::string_view kFirstMagic = "TPLINK1\n";
 constexpr std::size_t kHeaderBytes = 13;
 constexpr std::size_t kClientAt = 8, kDirectionAt = 9, kSideAt = 10, kSizeAt = 11;
 constexpr std::size_t kRecordBytesMax = 0xFFFF;
+// Before or after t = 0, 146 years. Sums of times stay within their type.
+constexpr TimeNs kTimeMax = kNever / 2;
 
 bool BeginsWith(const std::vector<std::uint8_t>& content, std::string_view magic) {
   return content.size() >= magic.size() && std::equal(magic.begin(), magic.end(), content.begin());
@@ -49,6 +51,8 @@ LinkLog::LinkLog(std::vector<std::uint8_t> content) : content_(std::move(content
     };
     if (content_.size() - at < header_bytes) fail("cut record header");
     const std::size_t direction_at = at + header_bytes - 4;
+    if (const TimeNs time = TimeAt(content_, at); time < -kTimeMax || time > kTimeMax)
+      fail("a time beyond any flight");
     if (content_[direction_at] >= link::kDirectionCount) fail("unknown direction");
     if (content_[direction_at + 1] > static_cast<std::uint8_t>(ByteSide::kPassedOn)) fail("unknown side");
     const std::uint16_t size = SizeAt(content_, direction_at + 2);

@@ -231,8 +231,9 @@ struct RunLog {
   // Real time only: in how many control periods the harness's own nodes were later than allowed, and by how
   // much at most.
   std::optional<std::int64_t> harness_overrun_count, harness_late_max_ns;
-  // The spans of this lateness, in order; they may overlap. What the firmware missed in them is not its
-  // fault. In a flight that never started, their times are negative: they count to its end.
+  // The spans of this lateness, in order; they may overlap. What the firmware missed in them, or shortly after, is not
+  // its fault: spans that ended just before t = 0 belong to them (kLatenessReach). In a flight that never started, all
+  // times are negative: they count to its end.
   std::vector<LateSpan> harness_late;
   // Real time only: lateness that the firmware's own processes caused, in order. It excuses nothing.
   std::vector<LateSpan> firmware_late;

@@ -3,15 +3,13 @@
 #include <algorithm>
 
 #include "faults/registry.h"
+#include "harness/run/late_periods.h"
 
 namespace tiltproof::harness {
 namespace {
 
 // In real time, the report of a restart may have a time that is some periods old.
 constexpr TimeNs kStaleMax = 50 * kNsPerMs;
-// Watchdogs of flight controllers wait for less, and a longer time is that of none that only a short standstill sets off:
-// after a long one no flight is judged.
-constexpr TimeNs kWatchdogMax = 250 * kNsPerMs;
 
 // True if a fault acts on the client: one on its device, or one on nodes that include the client's.
 bool ActsOnClient(const faults::FaultSpec& spec, const faults::FaultType& type) {
@@ -62,7 +60,7 @@ std::vector<Restart> UnaskedRestarts(const std::vector<faults::FaultSpec>& fault
 
 bool FollowsLateness(const Restart& restart, std::span<const LateSpan> late) {
   return std::any_of(late.begin(), late.end(), [&](const LateSpan& span) {
-    return span.begin_ns <= restart.time_ns + kStaleMax && span.end_ns + kWatchdogMax >= restart.time_ns;
+    return span.begin_ns <= restart.time_ns + kStaleMax && span.end_ns + kLatenessReach >= restart.time_ns;
   });
 }
 

@@ -44,7 +44,8 @@ struct Lateness {
   // The board's clock may have lost time then (RunLog::board_disturbed).
   void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 
-  // Writes the spans that end after t = 0; where that is not known, all, with negative times. `kind`: of this node.
+  // Writes the spans that reach into the flight (kLatenessReach); where t = 0 is not known, all, with negative times.
+  // `kind`: of this node.
   void WriteTo(RecordSink& sink, record::LateKind kind) const;
   // From which times count: t = 0, or the end of a flight in which it is not known.
   Origin zero() const { return origin.known() ? origin : Origin(stopped); }
@@ -137,8 +138,8 @@ class LogCollector {
   std::string overfull_;
 };
 
-// Drops lateness before t = 0, but of a flight that never started, and sets the counts from log.harness_late, up to
-// log.end_ns.
+// Drops lateness that ended kLatenessReach before t = 0, but of a flight that never started, and sets the counts from
+// log.harness_late, from 0 to log.end_ns.
 void CountLateness(RunLog& log, TimeNs period_ns);
 
 }  // namespace tiltproof::harness

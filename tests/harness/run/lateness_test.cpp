@@ -5,6 +5,7 @@
 #include <random>
 
 #include "harness/run/event_limit.h"
+#include "harness/run/late_periods.h"
 #include "harness/run/realtime/log_messages.h"
 #include "harness/run/realtime/send_backlog.h"
 #include "tests/support/control_period.h"
@@ -52,6 +53,17 @@ TEST(CountLateness, WhatIsLateWhileTheLogsAreGatheredIsNoOverrun) {
   log.end_ns = kNsPerS;
   log.harness_late = {{kNsPerS, 2 * kNsPerS}};
   CountLateness(log, kControlPeriodNs);
+  EXPECT_EQ(log.harness_overrun_count, 0);
+  EXPECT_EQ(log.harness_late_max_ns, 0);
+}
+
+// Bytes that waited for the harness until t = 0 arrive together then.
+TEST(CountLateness, LatenessJustBeforeTheFlightExcusesButDoesNotCount) {
+  RunLog log;
+  log.end_ns = kNsPerS;
+  log.harness_late = {{-2 * kNsPerS, -kNsPerS}, {-100 * kNsPerMs, -1}};
+  CountLateness(log, kControlPeriodNs);
+  EXPECT_EQ(log.harness_late, (std::vector<LateSpan>{{-100 * kNsPerMs, -1}}));
   EXPECT_EQ(log.harness_overrun_count, 0);
   EXPECT_EQ(log.harness_late_max_ns, 0);
 }

@@ -11,6 +11,7 @@
 
 #include "firmware/messages.h"
 #include "harness/dds/domain_slot.h"
+#include "harness/run/late_periods.h"
 #include "harness/run/line.h"
 #include "harness/run/message_receiver.h"
 #include "harness/run/plant_server.h"
@@ -181,8 +182,9 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   apart.server.WriteTotals();
   apart.line.Finish(end);
   const BootTime t0 = origin.boot_time();
-  const Lateness of_plant{.spans = {{t0 - 9, t0 - 1}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}},
-                          .disturbed = {{t0 + 20, t0 + 21}, {t0 - 5, t0 - 4}, {t0 + 3, t0 + 4}},
+  const BootTime before = t0 - kLatenessReach;  // what ended then has no effect in the flight
+  const Lateness of_plant{.spans = {{before - 9, before}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}},
+                          .disturbed = {{t0 + 20, t0 + 21}, {before - 5, before - 4}, {t0 - 3, t0 - 1}},
                           .origin = origin};
   of_plant.WriteTo(plant, record::LateKind::kBesideFirmware);
   // Without t = 0 it is unknown when that was.
@@ -226,14 +228,15 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   // A node that does not know t = 0 counts to the end. This is worth something only when the flight never started.
   EXPECT_THAT(log.harness_late,
               ElementsAre(LateSpan{-8, -7}, LateSpan{-2, 5}, LateSpan{-1, 0}, LateSpan{1, 9}));
-  EXPECT_THAT(log.board_disturbed, ElementsAre(LateSpan{3, 4}, LateSpan{20, 21}));
+  EXPECT_THAT(log.board_disturbed, ElementsAre(LateSpan{-3, -1}, LateSpan{20, 21}));
   RunLog counted = log;
+  counted.harness_late.insert(counted.harness_late.begin(), LateSpan{-kLatenessReach - 9, -kLatenessReach});
   counted.end_reason = EndReason::kNeverStarted;
   CountLateness(counted, kNsPerMs);
-  EXPECT_EQ(counted.harness_late.size(), 4U);
+  EXPECT_EQ(counted.harness_late.size(), 5U);
   counted.end_reason = EndReason::kCompleted;
   CountLateness(counted, kNsPerMs);
-  EXPECT_THAT(counted.harness_late, ElementsAre(LateSpan{-2, 5}, LateSpan{1, 9}));
+  EXPECT_EQ(counted.harness_late, log.harness_late);
 }
 
 TEST_F(LogMessagesTest, WhatAnotherRunSaysIsNoPartOfThisOne) {

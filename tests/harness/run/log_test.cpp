@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <limits>
 
 #include "firmware/messages.h"
 #include "harness/run/link_log.h"
@@ -60,6 +61,18 @@ TEST(LinkLog, RefusesDamagedFilesWithThePlace) {
   auto content = log.content();
   content[17] = 3;
   EXPECT_THROW(LinkLog{content}, std::runtime_error);
+}
+
+// Sums of its times are numbers.
+TEST(LinkLog, RefusesTimesBeyondAnyFlight) {
+  for (const TimeNs far : {kNever, kNever / 2 + 1, -kNever, std::numeric_limits<TimeNs>::min()}) {
+    LinkLog log;
+    log.Append({100, {0x7E}, {}}, {0, Direction::kReference}, true);
+    log.Append({far, {0x7E}, {}}, {0, Direction::kReference}, true);
+    EXPECT_THAT([&] { LinkLog{log.content()}; }, ::testing::ThrowsMessage<std::runtime_error>(
+                                                     "damaged link log: a time beyond any flight at byte 22"))
+        << far;
+  }
 }
 
 TEST(LinkLog, RecordsSayWhoseTheyAre) {

@@ -244,6 +244,12 @@ TEST(CleanLine, WhatThisMachineTookIsNotTheFirmwares) {
   log.board_disturbed.clear();
   log.harness_late = {{kNsPerS, kNsPerS + 500 * kNsPerMs}};
   EXPECT_EQ(CleanLineOf(log).verdict, Verdict::kPass);
+  // What waited until the flight comes in its first period, together.
+  RunLog waited = FlightWith(std::vector<LineMistake>(50, {0, LineMistakeKind::kDoubled}));
+  waited.harness_overrun_count = 0;
+  EXPECT_EQ(CleanLineOf(waited).verdict, Verdict::kFail);
+  waited.harness_late = {{-kNsPerS, -1}};
+  EXPECT_EQ(CleanLineOf(waited).verdict, Verdict::kPass);
   // When little is left, it says nothing.
   log.board_disturbed = {{2 * kNsPerS, 9 * kNsPerS}};
   log.harness_late.clear();

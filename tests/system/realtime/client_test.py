@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import termios
 import threading
 import time
 import tty
@@ -20,6 +21,11 @@ from flight import Flight, become_subreaper, read, wait_until, write_hover
 PROGRAM, FIRMWARE, LIBRARY, MINIMAL = (pathlib.Path(sys.argv.pop(1)).resolve() for _ in range(4))
 # A flight that the machine itself disturbed says nothing: it is flown again.
 ATTEMPTS_COUNT = 2
+
+
+def waiting_bytes(descriptor):
+    """That have arrived there and were not read."""
+    return int.from_bytes(fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4)), sys.byteorder)
 
 
 class ClientTest(unittest.TestCase):
@@ -208,11 +214,15 @@ class ClientTest(unittest.TestCase):
         self.addCleanup(unplug)
         return [os.ttyname(slave) for _, slave in cables], [master for master, _ in cables], [slave for _, slave in cables], unplug
 
-    def fly_board(self, count, duration_s=3, *how):
-        """Until the board flies. It is switched on when the harness listens: a board sends `start` once."""
-        devices, masters, _, unplug_cables = self.cables(count)
+    def fly_board(self, count, duration_s=3, *how, unheard_bytes=0):
+        """Until the board flies. It is switched on when the harness listens: a board sends `start` once. The link node stops until that
+        many bytes of the board wait for it."""
+        devices, masters, slaves, unplug_cables = self.cables(count)
         flight = self.start("serial:" + ",".join(devices), duration_s)
-        flight.wait_flying(count=5)
+        link = flight.wait_flying(count=5)["link"]
+        if unheard_bytes > 0:
+            wait_until(lambda: "listening to the board" in flight.text(), 20, flight.text)
+            os.kill(link, signal.SIGSTOP)
         with open(flight.folder / "board.log", "wb") as output:
             board = subprocess.Popen([FIRMWARE, LIBRARY, *(f"fd:{master}" for master in masters), *how], pass_fds=masters, stdout=output, stderr=output)
 
@@ -221,6 +231,9 @@ class ClientTest(unittest.TestCase):
             board.wait()
             unplug_cables()
         self.addCleanup(unplug)
+        if unheard_bytes > 0:
+            wait_until(lambda: waiting_bytes(slaves[0]) >= unheard_bytes, 20, flight.text)
+            os.kill(link, signal.SIGCONT)
         return flight, unplug
 
     def fly_board_to_the_end(self, count):
@@ -243,6 +256,12 @@ class ClientTest(unittest.TestCase):
 
     def test_board_with_its_main_port_alone(self):
         self.fly_board_to_the_end(1)
+
+    def test_board_is_not_blamed_for_bytes_that_waited_for_the_harness(self):
+        flight, unplug = self.fly_board(1, unheard_bytes=80)  # `start` and nine requests
+        code = flight.wait(30)
+        unplug()
+        self.assert_flown(flight, code, 0)
 
     def test_an_adapter_that_buffers_is_named_when_the_vehicle_is_lost(self):
         flight, unplug = self.fly_board(2, 3, "--adapter", "8")
