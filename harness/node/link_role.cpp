@@ -193,7 +193,7 @@ class LinkRole final : public Role {
   }
 
   void Listen() {
-    // What has come already gets its time now: a board did not send it all at once.
+    // Bytes that have come already get their time now: a board did not send them all at once.
     if (client_.serial && client_.serial->UnreadBytes() > 0) services_.lateness().Note(opened_ns_, Now());
     Read(*client_.line, Direction::kToPlant, "client");
     // The client should send nothing there, but its leaving is detected there. A pseudo-terminal that is not

@@ -244,7 +244,7 @@ TEST(CleanLine, WhatThisMachineTookIsNotTheFirmwares) {
   log.board_disturbed.clear();
   log.harness_late = {{kNsPerS, kNsPerS + 500 * kNsPerMs}};
   EXPECT_EQ(CleanLineOf(log).verdict, Verdict::kPass);
-  // What waited until the flight comes in its first period, together.
+  // Bytes that waited for t = 0 come together, in the first period.
   RunLog waited = FlightWith(std::vector<LineMistake>(50, {0, LineMistakeKind::kDoubled}));
   waited.harness_overrun_count = 0;
   EXPECT_EQ(CleanLineOf(waited).verdict, Verdict::kFail);
