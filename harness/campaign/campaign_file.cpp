@@ -116,12 +116,14 @@ void DescribeCampaign(KeyVisitor& v, CampaignSpec& spec) {
 // Checks how the keys fit each other and the registry of faults.
 class Checker {
  public:
-  Checker(const YamlNode& root, CampaignSpec& spec, std::vector<YamlProblem>& problems)
-      : root_(root), spec_(spec), problems_(problems) {}
+  Checker(const YamlNode& root, std::span<const std::string_view> builds, CampaignSpec& spec,
+          std::vector<YamlProblem>& problems)
+      : root_(root), builds_(builds), spec_(spec), problems_(problems) {}
 
   void Run() {
     const YamlNode* draw = ValueOf(&root_, "draw");
     CheckLists();
+    CheckBuilds(ValueOf(&root_, "firmware"));
     CheckTypes(ValueOf(draw, "types"));
     if (spec_.draw.faults_count_min > spec_.draw.faults_count_max)
       Complain(
@@ -139,9 +141,17 @@ class Checker {
     const YamlNode* scenarios = ValueOf(&root_, "scenarios");
     if (scenarios != nullptr && scenarios->kind == YamlNode::Kind::kSequence && scenarios->items.empty())
       Complain(scenarios->mark, "scenarios: the list is empty");
-    for (auto build = spec_.firmware.begin(); build != spec_.firmware.end(); ++build)
+  }
+
+  void CheckBuilds(const YamlNode* list) {
+    if (list == nullptr || list->items.size() != spec_.firmware.size()) return;  // and said so
+    for (auto build = spec_.firmware.begin(); build != spec_.firmware.end(); ++build) {
+      const YamlMark mark = list->items[static_cast<std::size_t>(build - spec_.firmware.begin())].mark;
       if (std::find(spec_.firmware.begin(), build, *build) != build)
-        Complain(PlaceOf(root_, "firmware"), fmt::format("firmware: {} is named twice", *build));
+        Complain(mark, fmt::format("firmware: {} is named twice", *build));
+      else if (!builds_.empty() && std::ranges::find(builds_, *build) == builds_.end())
+        Complain(mark, fmt::format("firmware: {}", UnknownBuild(*build, builds_)));
+    }
   }
 
   void CheckTypes(const YamlNode* list) {
@@ -242,6 +252,7 @@ class Checker {
   }
 
   const YamlNode& root_;
+  std::span<const std::string_view> builds_;
   CampaignSpec& spec_;
   std::vector<YamlProblem>& problems_;
 };
@@ -268,14 +279,15 @@ bool IsCampaignFile(const std::filesystem::path& file) {
   }
 }
 
-CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path& file) {
+CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path& file,
+                           std::span<const std::string_view> builds) {
   std::vector<YamlProblem> problems;
   const YamlNode root = ParseMapping(text, file, problems);
   CampaignSpec spec;
   MappingReader reader(root, problems);
   DescribeCampaign(reader, spec);
   reader.Finish();
-  Checker(root, spec, problems).Run();
+  Checker(root, builds, spec, problems).Run();
   if (!problems.empty()) ThrowProblems(file, std::move(problems));
   for (auto& [type, drawn] : spec.draw.parameters)
     std::erase_if(drawn, [](const auto& one) { return one.second.values.empty(); });
@@ -285,8 +297,8 @@ CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path&
   return spec;
 }
 
-CampaignSpec ReadCampaignFile(const std::filesystem::path& file) {
-  return ParseCampaign(ReadYamlText(file), file);
+CampaignSpec ReadCampaignFile(const std::filesystem::path& file, std::span<const std::string_view> builds) {
+  return ParseCampaign(ReadYamlText(file), file, builds);
 }
 
 std::string WriteCampaign(const CampaignSpec& spec) {

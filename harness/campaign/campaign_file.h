@@ -10,7 +10,9 @@
 #include <filesystem>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/scenario/key_visitor.h"
@@ -66,10 +68,13 @@ struct CampaignSpec {
 // True if the file is YAML with the key `campaign` at its top. A file that cannot be read is none.
 bool IsCampaignFile(const std::filesystem::path& file);
 
-// The scenarios' paths are absolute in the result. Throws ScenarioError with every problem and its place.
-CampaignSpec ReadCampaignFile(const std::filesystem::path& file);
+// The scenarios' paths are absolute in the result. `builds`: of the client's firmware; empty: any. Throws ScenarioError
+// with every problem and its place.
+CampaignSpec ReadCampaignFile(const std::filesystem::path& file,
+                              std::span<const std::string_view> builds = {});
 // The same for a text; `file` names it in messages, and the scenarios' paths begin at its folder.
-CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path& file);
+CampaignSpec ParseCampaign(const std::string& text, const std::filesystem::path& file,
+                           std::span<const std::string_view> builds = {});
 
 // YAML that reads back as an equal spec, with every default written out.
 std::string WriteCampaign(const CampaignSpec& spec);

@@ -35,7 +35,7 @@ std::optional<std::uint64_t> Whole(std::string_view text) {
   return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
-CampaignSpec ReadSpec(const CampaignOptions& options) {
+CampaignSpec ReadSpec(const CampaignOptions& options, const RunClients& clients) {
   CampaignSpec spec;
   const bool has_file = std::any_of(options.paths.begin(), options.paths.end(),
                                     [](const auto& path) { return IsCampaignFile(path); });
@@ -44,7 +44,7 @@ CampaignSpec ReadSpec(const CampaignOptions& options) {
         "campaign: takes one campaign file, or scenarios: a campaign file names its scenarios itself");
   if (has_file) {
     try {
-      spec = ReadCampaignFile(options.paths.front());
+      spec = ReadCampaignFile(options.paths.front(), BuildsOfClients(clients));
     } catch (const ScenarioError& error) {
       throw UsageError(error.what());
     }
@@ -167,8 +167,8 @@ LoadedCampaign PlanCampaign(const CampaignOptions& options) {
   LoadedCampaign campaign;
   campaign.shard = ReadShard(options.shard);
   CampaignSpec& spec = campaign.plan.spec;
-  spec = ReadSpec(options);
   campaign.means = LockstepMeans(ReadClientFlags(options.clients), "campaign");
+  spec = ReadSpec(options, campaign.means.clients);
   const Suite suite = LoadBases(spec, campaign.means);
   CheckReady(campaign.means);
   if (spec.name.empty()) spec.name = CampaignName(suite.name);

@@ -194,6 +194,14 @@ std::shared_ptr<const plant::VehicleModel> ModelCache::Load(const std::filesyste
   return model;
 }
 
+std::span<const std::string_view> BuildsOfClients(const RunClients& clients) {
+  const auto named = clients.Named();
+  const bool shipped = std::all_of(named.begin(), named.end(), [](const ClientSpec& client) {
+    return AbilitiesOf(client, false).shipped;
+  });
+  return shipped ? std::span<const std::string_view>(kShippedBuilds) : std::span<const std::string_view>();
+}
+
 void CheckBuild(const std::string& build) {
   if (std::find(kShippedBuilds.begin(), kShippedBuilds.end(), build) != kShippedBuilds.end()) return;
   const std::string_view other =
@@ -234,11 +242,8 @@ namespace {
 
 ReadOptions SuiteReadOptions(ModelCache& models, const RunClients& clients) {
   ReadOptions options = MakeReadOptions(models);
-  const auto named = clients.Named();
-  const bool shipped = std::all_of(named.begin(), named.end(), [](const ClientSpec& client) {
-    return AbilitiesOf(client, false).shipped;
-  });
-  if (shipped) options.firmware_names.assign(kShippedBuilds.begin(), kShippedBuilds.end());
+  const std::span<const std::string_view> builds = BuildsOfClients(clients);
+  options.firmware_names.assign(builds.begin(), builds.end());
   return options;
 }
 

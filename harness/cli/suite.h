@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,6 +21,9 @@ namespace tiltproof::harness {
 // The builds of the shipped firmware.
 inline constexpr std::array<std::string_view, 6> kShippedBuilds = {"paper",    "paper_published", "tolerant",
                                                                    "failover", "triplex",         "lqr"};
+
+// Those that the clients fly; empty when one of them is no shipped firmware, and any build may be named.
+std::span<const std::string_view> BuildsOfClients(const RunClients& clients);
 
 // Throws UsageError, with the nearest name, for a build (of the flag --firmware) that is not among them.
 void CheckBuild(const std::string& build);

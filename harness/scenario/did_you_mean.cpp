@@ -26,4 +26,10 @@ std::string DidYouMean(std::string_view name, std::span<const std::string_view> 
   return fmt::format("; valid: {}", fmt::join(valid, ", "));
 }
 
+std::string UnknownBuild(std::string_view build, std::span<const std::string_view> builds) {
+  const std::string_view other =
+      ClosestName(build, builds).empty() ? "; --client flies a firmware of your own" : "";
+  return fmt::format("unknown build '{}'{}{}", build, DidYouMean(build, builds), other);
+}
+
 }  // namespace tiltproof::harness

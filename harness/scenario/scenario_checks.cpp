@@ -217,9 +217,7 @@ class Checker : ScenarioCheck {
     const auto& names = options_.firmware_names;
     if (names.empty() || std::find(names.begin(), names.end(), build) != names.end()) return;
     const std::vector<std::string_view> views(names.begin(), names.end());
-    const std::string_view other =
-        ClosestName(build, views).empty() ? "; --client flies a firmware of your own" : "";
-    Complain(mark, fmt::format("{}: unknown build '{}'{}{}", key, build, DidYouMean(build, views), other));
+    Complain(mark, fmt::format("{}: {}", key, UnknownBuild(build, views)));
   }
 
   void CheckClients() {

@@ -3,7 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <string>
+#include <string_view>
 
 #include "harness/scenario/diagnostic.h"
 
@@ -79,7 +81,7 @@ TEST(CampaignFile, NamesThePlaceOfEachMistake) {
   EXPECT_THAT(Mistake("campaign: a\nscenarios: []\n"), HasSubstr(":2:12: scenarios: the list is empty"));
   EXPECT_THAT(Mistake("campaign: a\nscenarios: [b]\nruns: 5\n"), HasSubstr(":3:1: unknown key 'runs'"));
   EXPECT_THAT(Mistake("campaign: a\nscenarios: [b]\nfirmware: [paper, paper]\n"),
-              HasSubstr(":3:11: firmware: paper is named twice"));
+              HasSubstr(":3:19: firmware: paper is named twice"));
   EXPECT_THAT(Mistake(With("types: [frame.dealy]")),
               HasSubstr(":4:11: types: 'frame.dealy' matches no fault type; did you mean 'frame.delay'?"));
   EXPECT_THAT(Mistake(With("faults_count: {min: 4, max: 2}")), HasSubstr(":4:23: min: 4 is above max, 2"));
@@ -89,6 +91,15 @@ TEST(CampaignFile, NamesThePlaceOfEachMistake) {
               HasSubstr("unknown key 'mean'; did you mean 'mean_ms'?"));
   EXPECT_THAT(Mistake(With("types: [wire.*]\n  parameters: {frame.delay: {mean_ms: {uniform: [1, 2]}}}")),
               HasSubstr(":5:16: parameters: frame.delay is not among `types`"));
+}
+
+TEST(CampaignFile, BuildsAreThoseOfTheClient) {
+  const std::array<std::string_view, 2> builds = {"paper", "tolerant"};
+  const std::string text = "campaign: a\nscenarios: [b]\nfirmware: [paper, tolerent]\n";
+  EXPECT_THAT([&] { ParseCampaign(text, "/c/night.yaml", builds); },
+              ::testing::ThrowsMessage<ScenarioError>(HasSubstr(
+                  "/c/night.yaml:3:19: firmware: unknown build 'tolerent'; did you mean 'tolerant'?")));
+  EXPECT_THAT(ParseCampaign(text, "/c/night.yaml").firmware, ElementsAre("paper", "tolerent"));
 }
 
 TEST(CampaignFile, ChecksDistributions) {
