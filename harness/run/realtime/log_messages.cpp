@@ -30,7 +30,7 @@ std::string Sendable(const std::string& text) {
 void Lateness::WriteTo(RecordSink& sink, record::LateKind kind) const {
   const auto write = [&](const std::vector<NodeLateSpan>& of, record::LateKind as) {
     for (const NodeLateSpan& span : of) {
-      if (origin.known() && span.end_ns + kLatenessReach <= origin.boot_time()) continue;
+      if (origin.known() && span.end_ns <= origin.boot_time() - kLatenessReach) continue;
       const BootTime end = origin.known() ? span.end_ns : std::min(span.end_ns, stopped);
       sink.Write({zero().SimulationTime(span.begin_ns), {}, record::Late{zero().SimulationTime(end), as}});
     }
@@ -145,7 +145,7 @@ RunLog LogCollector::Take() {
 void CountLateness(RunLog& log, TimeNs period_ns) {
   if (log.end_reason != EndReason::kNeverStarted)
     for (std::vector<LateSpan>* spans : {&log.harness_late, &log.firmware_late, &log.board_disturbed})
-      std::erase_if(*spans, [](const LateSpan& span) { return span.end_ns + kLatenessReach <= 0; });
+      std::erase_if(*spans, [](const LateSpan& span) { return span.end_ns <= -kLatenessReach; });
   const LatePeriods late = CountLatePeriods(log.harness_late, log.end_ns, period_ns);
   log.harness_overrun_count = late.count;
   log.harness_late_max_ns = late.longest_ns;
