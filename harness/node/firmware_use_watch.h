@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "harness/node/node.h"
+#include "harness/process/affinity.h"
 #include "harness/process/descendants_time.h"
 #include "harness/process/orphans.h"
 #include "harness/run/firmware_use.h"
@@ -27,6 +28,7 @@ class FirmwareUseWatch {
     CPU_ZERO(&processors);
     if (sched_getaffinity(0, sizeof processors, &processors) == 0)
       use_.processors_count = CPU_COUNT(&processors);
+    use_.processors = OwnProcessors();
   }
 
   FirmwareUse Take() { return std::move(use_); }

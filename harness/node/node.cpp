@@ -14,6 +14,7 @@
 
 #include "faults/registry.h"
 #include "harness/dds/qos.h"
+#include "harness/process/affinity.h"
 #include "harness/process/realtime_rights.h"
 #include "harness/run/flown_files.h"
 #include "harness/run/introduction.h"
@@ -357,12 +358,7 @@ void Node::Do(const dds::RunCommand& command, dds::RunAck& ack) {
       phase_ = dds::Phase::kFinished;
       lateness_.stopped = clock_.Now();
       role_->Stop();
-      // Plant, links, lines and clients share a host.
-      const bool beside_firmware =
-          options_.kind == dds::NodeKind::kPlant || options_.kind == dds::NodeKind::kLink ||
-          options_.kind == dds::NodeKind::kLine || options_.kind == dds::NodeKind::kClient;
-      lateness_.WriteTo(*log_,
-                        beside_firmware ? record::LateKind::kBesideFirmware : record::LateKind::kHarness);
+      lateness_.WriteTo(*log_, OwnProcessors());
       log_->Close();
       return;
     }

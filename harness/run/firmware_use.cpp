@@ -14,7 +14,7 @@ void FirmwareUse::Add(const Span& span) {
   spans.back().run_ns = std::min(span.run_ns, processors_count * elapsed_ns);
 }
 
-OwnLateness::OwnLateness(const FirmwareUse& use, Origin origin) {
+OwnLateness::OwnLateness(const FirmwareUse& use, Origin origin) : processors_(use.processors) {
   if (!origin.known()) return;
   for (const FirmwareUse::Span& span : use.spans) {
     if (span.end_ns > origin.boot_time()) {
@@ -32,10 +32,11 @@ OwnLateness::OwnLateness(const FirmwareUse& use, Origin origin) {
   }
 }
 
-bool OwnLateness::Explains(const LateSpan& late) const {
-  return std::any_of(spans_.begin(), spans_.end(), [&](const LateSpan& own) {
-    return own.begin_ns <= late.begin_ns && late.end_ns <= own.end_ns;
-  });
+bool OwnLateness::Explains(const LateSpan& late, std::string_view processors) const {
+  return !processors.empty() && processors == processors_ &&
+         std::any_of(spans_.begin(), spans_.end(), [&](const LateSpan& own) {
+           return own.begin_ns <= late.begin_ns && late.end_ns <= own.end_ns;
+         });
 }
 
 }  // namespace tiltproof::harness

@@ -1,14 +1,16 @@
 // When the processes of a firmware had the processors of this machine nearly to themselves, and which lateness that
 // explains.
 //
-//   FirmwareUse use{.processors_count = 2};
+//   FirmwareUse use{.processors = OwnProcessors(), .processors_count = 2};
 //   use.Add({BootTime(0), BootTime(200 * kNsPerMs), 380 * kNsPerMs, 9});   // 380 ms of 400
 //   const OwnLateness own(use, Origin(BootTime(0)));
-//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs});
+//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs}, OwnProcessors());
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "harness/run/run_log.h"
@@ -34,22 +36,23 @@ struct FirmwareUse {
   // Keeps the span if the firmware had the processors nearly to itself.
   void Add(const Span& span);
 
+  std::string processors = {};  // as OwnProcessors() has them
   std::int64_t processors_count = 1;
   std::vector<Span> spans = {};
-  TILTPROOF_FIELDS(processors_count, spans)
+  TILTPROOF_FIELDS(processors, processors_count, spans)
 };
 
 class OwnLateness {
  public:
-  OwnLateness() = default;  // none
   OwnLateness(const FirmwareUse& use, Origin origin);
 
-  // True if the firmware had the processors from the begin to the end of the lateness. A burst begins and ends between
-  // two looks, so the look before and the one after belong to it.
-  bool Explains(const LateSpan& late) const;
+  // True if the firmware had the processors from the begin to the end of the lateness, which is that of a node with
+  // `processors`. A burst begins and ends between two looks, so the look before and the one after belong to it.
+  bool Explains(const LateSpan& late, std::string_view processors) const;
   const std::optional<ProcessorUse>& total() const { return total_; }
 
  private:
+  std::string processors_;
   std::vector<LateSpan> spans_;  // apart, in order
   std::optional<ProcessorUse> total_;
 };

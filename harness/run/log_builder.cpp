@@ -151,9 +151,7 @@ void LogBuilder::Add(const Record& /*of*/, const record::ActivationCounts& count
   for (std::size_t i = 0; i < std::min(counts.counts.size(), to.size()); ++i) to[i] += counts.counts[i];
 }
 
-void LogBuilder::Add(const Record& of, const record::Late& late) {
-  late_.push_back({{of.time_ns, late.end_ns}, late.kind});
-}
+void LogBuilder::Add(const Record& of, const record::Late& late) { late_.emplace_back(of.time_ns, late); }
 
 void LogBuilder::Add(const Record& /*of*/, const record::PlantEnd& end) {
   log_.hover_input = end.hover_input;
@@ -184,7 +182,7 @@ void LogBuilder::Add(const Record& of, const record::ClientEnd& end) {
 }
 
 void LogBuilder::Add(const Record& /*of*/, const record::FirmwareTime& time) {
-  by_firmware_ = OwnLateness(time.use, time.origin);
+  by_firmware_.emplace_back(time.use, time.origin);
 }
 
 void LogBuilder::Add(const Record& of, const record::End& end) {
@@ -244,10 +242,15 @@ void LogBuilder::AddStates() {
 }
 
 void LogBuilder::AddLateness() {
-  log_.firmware_use = by_firmware_.total();
-  for (const auto& [span, kind] : late_) {
-    const bool by_firmware = kind != record::LateKind::kHarness && by_firmware_.Explains(span);
-    if (kind == record::LateKind::kBoard) {
+  for (const OwnLateness& own : by_firmware_)
+    if (own.total() && (!log_.firmware_use || own.total()->run_ns > log_.firmware_use->run_ns))
+      log_.firmware_use = own.total();
+  for (const auto& [begin_ns, late] : late_) {
+    const LateSpan span{begin_ns, late.end_ns};
+    const bool by_firmware =
+        std::any_of(by_firmware_.begin(), by_firmware_.end(),
+                    [&](const OwnLateness& own) { return own.Explains(span, late.processors); });
+    if (late.kind == record::LateKind::kBoard) {
       if (!by_firmware) log_.board_disturbed.push_back(span);
     } else {
       (by_firmware ? log_.firmware_late : log_.harness_late).push_back(span);

@@ -84,9 +84,9 @@ class LogBuilder final : public RecordSink {
   LogParts parts_;
   RunLog log_;
   std::vector<PerClient> clients_;
-  std::vector<LinkLog> lines_;  // between boards
-  std::vector<std::pair<LateSpan, record::LateKind>> late_;
-  OwnLateness by_firmware_;
+  std::vector<LinkLog> lines_;                         // between boards
+  std::vector<std::pair<TimeNs, record::Late>> late_;  // with their begins
+  std::vector<OwnLateness> by_firmware_;               // of each program
 };
 
 }  // namespace tiltproof::harness

@@ -93,16 +93,16 @@ struct Watched {
   TILTPROOF_FIELDS(values)
 };
 
-// A node was late from the record's time to `end_ns`.
+// Late from the record's time to `end_ns`.
 enum class LateKind : std::uint8_t {
-  kHarness,
-  kBesideFirmware,  // a node on the firmware's host, where the firmware may have taken the processors
-  kBoard,           // this machine took time from the program that represents the board
+  kNode,
+  kBoard,  // the machine took time from the program that represents the board
 };
 struct Late {
   TimeNs end_ns = 0;
   LateKind kind{};
-  TILTPROOF_FIELDS(end_ns, kind)
+  std::string processors = {};  // of the node; see FirmwareUse
+  TILTPROOF_FIELDS(end_ns, kind, processors)
 };
 
 // Number of times that each fault of the scenario acted in one part.

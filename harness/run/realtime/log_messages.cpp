@@ -27,15 +27,17 @@ std::string Sendable(const std::string& text) {
 
 }  // namespace
 
-void Lateness::WriteTo(RecordSink& sink, record::LateKind kind) const {
-  const auto write = [&](const std::vector<NodeLateSpan>& of, record::LateKind as) {
+void Lateness::WriteTo(RecordSink& sink, const std::string& processors) const {
+  const auto write = [&](const std::vector<NodeLateSpan>& of, record::LateKind kind) {
     for (const NodeLateSpan& span : of) {
       if (origin.known() && span.end_ns <= origin.boot_time() - kLatenessReach) continue;
       const BootTime end = origin.known() ? span.end_ns : std::min(span.end_ns, stopped);
-      sink.Write({zero().SimulationTime(span.begin_ns), {}, record::Late{zero().SimulationTime(end), as}});
+      sink.Write({zero().SimulationTime(span.begin_ns),
+                  {},
+                  record::Late{zero().SimulationTime(end), kind, processors}});
     }
   };
-  write(spans, kind);
+  write(spans, record::LateKind::kNode);
   write(disturbed, record::LateKind::kBoard);
 }
 

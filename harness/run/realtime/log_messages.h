@@ -45,8 +45,8 @@ struct Lateness {
   void NoteDisturbed(BootTime begin_ns, BootTime end_ns) { Add(disturbed, begin_ns, end_ns); }
 
   // Writes the spans that reach into the flight (kLatenessReach); where t = 0 is not known, all, with negative times.
-  // `kind`: of this node.
-  void WriteTo(RecordSink& sink, record::LateKind kind) const;
+  // `processors`: of this node.
+  void WriteTo(RecordSink& sink, const std::string& processors) const;
   // From which times count: t = 0, or the end of a flight in which it is not known.
   Origin zero() const { return origin.known() ? origin : Origin(stopped); }
 

@@ -33,7 +33,7 @@ faults::Activation SomeActivation() {
 
 // One record of each kind.
 std::vector<Record> SomeRecords() {
-  FirmwareUse use{.processors_count = 2};
+  FirmwareUse use{.processors = "a boot 0-1", .processors_count = 2};
   use.spans = {{BootTime(1), BootTime(2), 3, 4}};
   return {
       {-1, {}, record::Row{{0.1, -0.0, 1e300}}},
@@ -49,7 +49,7 @@ std::vector<Record> SomeRecords() {
       {10, 0, record::Watched{{1, 2}}},
       {-5, 0, SomeActivation()},
       {12, 0, record::ActivationCounts{{0, 8}}},
-      {13, {}, record::Late{14, record::LateKind::kBoard}},
+      {13, {}, record::Late{14, record::LateKind::kBoard, "a boot 0-1"}},
       {15, {}, record::PlantEnd{{1, 2}, {3, 4}, {5, 6}, {7}, RedundancyTotals{1, 2, 0.5, 3, {}}}},
       {16, 0, record::LineEnd{LineCounts{{{1, 2, 3, 4}}}, 13, 14, 15}},
       {17, 0,

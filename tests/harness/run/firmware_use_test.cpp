@@ -7,6 +7,8 @@
 
 #include <csignal>
 #include <ctime>
+#include <string>
+#include <string_view>
 
 #include "harness/process/descendants_time.h"
 
@@ -15,10 +17,12 @@ namespace {
 
 constexpr TimeNs kMs = kNsPerMs;
 
+constexpr std::string_view kProcessors = "a boot 0-1";
+
 BootTime At(TimeNs ms) { return BootTime(ms * kMs); }
 
 FirmwareUse With(std::int64_t processors_count, double share, TimeNs begin_ms, TimeNs end_ms) {
-  FirmwareUse use{.processors_count = processors_count, .spans = {}};
+  FirmwareUse use{.processors = std::string(kProcessors), .processors_count = processors_count, .spans = {}};
   for (TimeNs ms = begin_ms; ms < end_ms; ms += 100) {
     const auto run_ns = static_cast<TimeNs>(share * static_cast<double>(processors_count * 100 * kMs));
     use.Add({At(ms), At(ms + 100), run_ns, 9});
@@ -38,7 +42,7 @@ TEST(FirmwareUse, KeepsWhatLeavesLessThanHalfAProcessor) {
 TEST(OwnLateness, ExplainsWhatIsWithinABurst) {
   const OwnLateness own(With(2, 0.95, 1000, 2000), Origin(At(500)));
   const auto explains = [&](TimeNs begin_ms, TimeNs end_ms) {
-    return own.Explains({begin_ms * kMs, end_ms * kMs});
+    return own.Explains({begin_ms * kMs, end_ms * kMs}, kProcessors);
   };
   EXPECT_TRUE(explains(600, 900));
   EXPECT_TRUE(explains(300, 1700));  // with its edges
@@ -51,14 +55,25 @@ TEST(OwnLateness, ExplainsWhatIsWithinABurst) {
 // A flight that never started: times count to its end.
 TEST(OwnLateness, ExplainsTheTimeBeforeAStartThatNeverCame) {
   const OwnLateness own(With(2, 0.95, 1000, 9000), Origin(At(10000)));
-  EXPECT_TRUE(own.Explains({-8000 * kMs, -1000 * kMs}));
-  EXPECT_FALSE(own.Explains({-800 * kMs, -100 * kMs}));
+  EXPECT_TRUE(own.Explains({-8000 * kMs, -1000 * kMs}, kProcessors));
+  EXPECT_FALSE(own.Explains({-800 * kMs, -100 * kMs}, kProcessors));
 }
 
-TEST(OwnLateness, OfWhatIsNotKnownExplainsNothing) {
-  EXPECT_FALSE(OwnLateness().Explains({0, kMs}));
-  EXPECT_FALSE(OwnLateness(With(2, 0.95, 0, 1000), Origin()).Explains({0, kMs}));
-  EXPECT_FALSE(OwnLateness().total().has_value());
+// On another machine, or on others of its processors, something else is the cause.
+TEST(OwnLateness, ExplainsNoLatenessOnOtherProcessors) {
+  FirmwareUse use = With(2, 0.95, 1000, 2000);
+  const LateSpan late{700 * kMs, 704 * kMs};
+  EXPECT_TRUE(OwnLateness(use, Origin(At(500))).Explains(late, kProcessors));
+  EXPECT_FALSE(OwnLateness(use, Origin(At(500))).Explains(late, "a boot 2-3"));
+  EXPECT_FALSE(OwnLateness(use, Origin(At(500))).Explains(late, "another boot 0-1"));
+  use.processors = "";  // unknown, like that of the node
+  EXPECT_FALSE(OwnLateness(use, Origin(At(500))).Explains(late, ""));
+}
+
+TEST(OwnLateness, ExplainsNothingWhenTheStartIsUnknown) {
+  const OwnLateness own(With(2, 0.95, 0, 1000), Origin());
+  EXPECT_FALSE(own.Explains({0, kMs}, kProcessors));
+  EXPECT_FALSE(own.total().has_value());
 }
 
 TEST(DescendantsTime, CountsChildrenThatLiveAndThoseThatHaveEnded) {

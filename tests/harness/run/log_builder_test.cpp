@@ -116,18 +116,20 @@ TEST(LogBuilder, LatenessIsOfWhoCausedIt) {
   const Scenario scenario;
   const VehicleSignals signals = Model().signals();
   LogBuilder builder(scenario, signals);
-  const auto late = [&](TimeNs begin_ms, record::LateKind kind) {
-    builder.Write({begin_ms * kNsPerMs, {}, record::Late{(begin_ms + 4) * kNsPerMs, kind}});
+  const auto late = [&](TimeNs begin_ms, record::LateKind kind, const std::string& processors) {
+    builder.Write({begin_ms * kNsPerMs, {}, record::Late{(begin_ms + 4) * kNsPerMs, kind, processors}});
   };
   for (const TimeNs begin_ms : {2000, 1000}) {
-    late(begin_ms, record::LateKind::kHarness);
-    late(begin_ms + 10, record::LateKind::kBesideFirmware);
-    late(begin_ms + 20, record::LateKind::kBoard);
+    late(begin_ms, record::LateKind::kNode, "another boot 0-1");
+    late(begin_ms + 10, record::LateKind::kNode, "a boot 0-1");
+    late(begin_ms + 20, record::LateKind::kBoard, "a boot 0-1");
   }
-  FirmwareUse use{.processors_count = 2};
+  FirmwareUse use{.processors = "a boot 0-1", .processors_count = 2};
   const Origin origin{BootTime(kNsPerS)};
   use.Add({origin.ToBootTime(900 * kNsPerMs), origin.ToBootTime(1100 * kNsPerMs), 400 * kNsPerMs, 3});
   builder.Write({0, 0, record::FirmwareTime{use, origin}});
+  // Another program, which left the processors to others.
+  builder.Write({0, 1, record::FirmwareTime{FirmwareUse{.processors = "a boot 0-1"}, origin}});
   const RunLog log = builder.Take();
   const auto span = [](TimeNs begin_ms) { return LateSpan{begin_ms * kNsPerMs, (begin_ms + 4) * kNsPerMs}; };
   EXPECT_THAT(log.harness_late, ElementsAre(span(1000), span(2000), span(2010)));

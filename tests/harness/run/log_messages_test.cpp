@@ -186,11 +186,11 @@ TEST_F(LogMessagesTest, AFlightOverTheBusIsTheFlightOfOneProcess) {
   const Lateness of_plant{.spans = {{before - 9, before}, {t0 - 2, t0 + 5}, {t0 + 1, t0 + 9}},
                           .disturbed = {{t0 + 20, t0 + 21}, {before - 5, before - 4}, {t0 - 3, t0 - 1}},
                           .origin = origin};
-  of_plant.WriteTo(plant, record::LateKind::kBesideFirmware);
+  of_plant.WriteTo(plant, "a boot 0-1");
   // Without t = 0 it is unknown when that was.
   const Lateness of_link{.spans = {{BootTime(1), BootTime(2)}, {BootTime(8), BootTime(11)}},
                          .stopped = BootTime(9)};
-  of_link.WriteTo(link, record::LateKind::kBesideFirmware);
+  of_link.WriteTo(link, "a boot 0-1");
   EXPECT_EQ(collector.Missing("link"), "its last records");
   plant.Close();
   link.Close();
