@@ -234,10 +234,11 @@ class StopsTest(unittest.TestCase):
 
         def script(board, image):
             board.go_for(0)
-            for _ in range(25):
-                board.go_for(chance.uniform(0, 0.002))
-                if chance.random() < 0.5:
-                    board.step(chance.randrange(1, 20))
+            for wait_s in (0.002, 0.012):  # while the firmware starts, and in the flight
+                for _ in range(12):
+                    board.go_for(chance.uniform(0, wait_s))
+                    if chance.random() < 0.5:
+                        board.step(chance.randrange(1, 20))
 
         self.check(script)
 
