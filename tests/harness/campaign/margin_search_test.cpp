@@ -176,7 +176,7 @@ TEST(MarginSearch, NeighboursAreNearBelowTheLimit) {
   for (const auto& [found, is_linear] : {std::pair(linear, true), std::pair(decades, false)}) {
     std::vector<double> below;
     std::copy_if(found.levels.begin(), found.levels.end(), std::back_inserter(below),
-                 [&](double level) { return level <= *found.survives; });
+                 [&found = found](double level) { return level <= *found.survives; });
     std::sort(below.begin(), below.end());
     EXPECT_GE(below.size(), is_linear ? 33u : 40u);
     for (std::size_t i = 1; i < below.size(); ++i) {
