@@ -245,8 +245,9 @@ void LogBuilder::AddLateness() {
   for (const OwnLateness& own : by_firmware_)
     if (own.total() && (!log_.firmware_use || own.total()->run_ns > log_.firmware_use->run_ns))
       log_.firmware_use = own.total();
-  for (const auto& [begin_ns, late] : late_) {
-    const LateSpan span{begin_ns, late.end_ns};
+  for (const auto& begin_and_late : late_) {
+    const record::Late& late = begin_and_late.second;
+    const LateSpan span{begin_and_late.first, late.end_ns};
     const bool by_firmware =
         std::any_of(by_firmware_.begin(), by_firmware_.end(),
                     [&](const OwnLateness& own) { return own.Explains(span, late.processors); });
