@@ -515,6 +515,83 @@ TEST_F(VehicleFolder, ErrorsOfIncludedFilesHaveTheirPlace) {
   EXPECT_THAT(Error("quad/model.sdf"), HasSubstr("does one include itself?"));
 }
 
+TEST_F(VehicleFolder, MistakesOfModelsHaveTheirLine) {
+  const auto error = [&](const std::string& text) {
+    Write("quad.sdf", text);
+    const std::string message = Error("quad.sdf");
+    return message.substr(std::min(message.size(), message.find("quad.sdf")));
+  };
+  EXPECT_THAT(error("<model name='quad'/>"), HasSubstr("quad.sdf:1: not an SDF file: the root is not <sdf>"));
+  EXPECT_THAT(error("<sdf version='1.6'/>"), HasSubstr("quad.sdf:1: holds no <model>"));
+  EXPECT_THAT(error("<sdf version='1.6'>\n<model name='a'/>\n<model name='b'/></sdf>"),
+              HasSubstr("quad.sdf:3: holds a second <model>"));
+  EXPECT_THAT(error("<sdf version='1.6'><world name='w'>\n<model name='quad'/></world></sdf>"),
+              HasSubstr("The world holds: <model name=\"quad\"> of line 2"));
+  EXPECT_THAT(error(Sdf("<include><uri>https://fuel.gazebosim.org/x500</uri></include>")),
+              HasSubstr("quad.sdf:3: <uri> 'https://fuel.gazebosim.org/x500': download this model yourself"));
+  EXPECT_THAT(error(Sdf("<model name='a' placement_frame='arm'/>")),
+              HasSubstr("quad.sdf:3: placement_frame is not supported"));
+  EXPECT_THAT(error(Sdf("<model/>")), HasSubstr("quad.sdf:3: a model in a model needs a name"));
+  EXPECT_THAT(error(Sdf("<static>true</static>" + QuadrotorFrame() + QuadrotorPlugins())),
+              HasSubstr("quad.sdf:2: a <static> model cannot fly"));
+  const std::string nameless = error(Sdf(QuadrotorFrame() + "<link/>\n<joint name='held' type='fixed'>" +
+                                         "<child>world</child></joint>" + QuadrotorPlugins()));
+  EXPECT_THAT(nameless, HasSubstr("quad.sdf:12: <link> has no name"));
+  EXPECT_THAT(nameless, HasSubstr("quad.sdf:13: joint 'held' has no <parent>"));
+  EXPECT_THAT(nameless, HasSubstr("quad.sdf:13: joint 'held' holds the vehicle on the world: remove it"));
+}
+
+TEST_F(VehicleFolder, ModelsAreFoundInTheFoldersOfTheEnvironment) {
+  Write("here/frame/model.sdf", Sdf(QuadrotorFrame()));
+  Write("there/quad.sdf",
+        Sdf("<include merge='true'><uri>model://frame</uri></include>" + QuadrotorPlugins()));
+  EXPECT_THAT(Error("there/quad.sdf"), HasSubstr("is not found"));
+  ASSERT_EQ(setenv("GZ_SIM_RESOURCE_PATH", (":/nowhere:" + (folder_ / "here").string()).c_str(), 1), 0);
+  EXPECT_EQ(Load("there/quad.sdf").rotors.size(), 4U);
+  unsetenv("GZ_SIM_RESOURCE_PATH");
+}
+
+// A model that is written into another, and a link that stands on a frame.
+TEST_F(VehicleFolder, NestedModelsAndFramesAreFlattened) {
+  std::string frame = QuadrotorFrame();
+  const std::string pose = "<link name='rotor_0'><pose>0.2 -0.2 0.12 0 0 0</pose>";
+  frame.replace(frame.find(pose), pose.size(),
+                "<link name='rotor_0'><pose relative_to='arm'>0.1 0 0 0 0 0</pose>");
+  frame += "<frame name='arm' attached_to='base_link'><pose>0.1 -0.2 0.02 0 0 0</pose></frame>";
+  Write("quad.sdf", Sdf("<model name='f'>" + frame + "</model>" + QuadrotorPlugins("f::"), "1.9"));
+  const VehicleModel model = Load("quad.sdf");
+  EXPECT_EQ(model.base.link, "f::base_link");
+  EXPECT_NEAR((model.rotors[0].p_LR_m - Vector3d(0.2, -0.2, 0.02)).norm(), 0, 1e-12);
+}
+
+// ProVANT's plugins state neither the direction nor the limit of a thrust.
+TEST_F(VehicleFolder, ProvantPluginsNameTheLinksThatTheyPush) {
+  Write("two.sdf", Sdf(QuadrotorFrame() +
+                       "<plugin name='thrust' filename='libgazebo_ros_brushless_plugin.so'><LinkDir>rotor_0"
+                       "</LinkDir><LinkEsq>rotor_2</LinkEsq><DragCte>0.017</DragCte></plugin>"));
+  EXPECT_THAT(Error("two.sdf"),
+              AllOf(HasSubstr("rotor 'right': the plugin does not state direction and force_max_n"),
+                    HasSubstr("rotor 'left': the plugin does not state direction and force_max_n")));
+  EXPECT_THAT(VehicleMapping(folder_ / "two.sdf"), HasSubstr("drag_ratio_m=\"0.017\""));
+  Write("four.sdf",
+        Sdf(QuadrotorFrame() +
+            "<plugin name='thrust' filename='libgazebo_ros_QuadForces.so'><Motor1>rotor_0</Motor1>"
+            "<Motor2>rotor_1</Motor2><Motor3>rotor_2</Motor3><Motor4>rotor_3</Motor4></plugin>"));
+  EXPECT_THAT(
+      Error("four.sdf"),
+      HasSubstr("rotor 'rotor_3': the plugin does not state direction, drag_ratio_m and force_max_n"));
+}
+
+TEST_F(VehicleFolder, AReversibleMotorPushesBothWays) {
+  std::string text = Sdf(QuadrotorFrame() + QuadrotorPlugins());
+  text.replace(text.find("<motorNumber>0</motorNumber>"), 28, "<reversible>true</reversible>");
+  Write("quad.sdf", text);
+  EXPECT_DOUBLE_EQ(Load("quad.sdf").rotors[0].force_min_n, -8);
+  text.replace(text.find("<turningDirection>ccw"), 21, "<turningDirection>up");
+  Write("quad.sdf", text);
+  EXPECT_THAT(Error("quad.sdf"), HasSubstr("rotor 'rotor_0': the plugin does not state direction"));
+}
+
 TEST_F(VehicleFolder, OtherFormatsAreRefusedWithTheCommandThatConvertsThem) {
   Write("arm.urdf", "<robot name='arm'/>");
   EXPECT_THAT(Error("arm.urdf"), AllOf(HasSubstr("URDF"), HasSubstr("`gz sdf -p "), HasSubstr("> arm.sdf`"),

@@ -332,7 +332,9 @@ class Exploration {
       const bool excused = before < 0 || world.boards[static_cast<std::size_t>(before)].died_in_force;
       // No board can know which claim is in force when both began within one period.
       const std::int64_t elder_by =
-          before < 0 ? 0 : ages[before] + 1 - world.boards[in_force].roles.memory().claim_age;
+          before < 0 ? 0
+                     : ages[static_cast<std::size_t>(before)] + 1 -
+                           world.boards[static_cast<std::size_t>(in_force)].roles.memory().claim_age;
       if (!excused && -1 <= elder_by && elder_by <= 1)
         ++found_.ties_count;
       else if (!excused && found_.switched.empty())
