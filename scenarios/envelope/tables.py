@@ -108,6 +108,10 @@ class Half:
         self.ratio = value
         self.less = less
 
+    @property
+    def is_scanned(self):
+        return self.ratio is not None and not any(NOT_SCANNED in cell for cell in self.cells)
+
     def texts(self):
         return [*self.cells, "-" if self.ratio is None else "∞" if self.ratio == math.inf else f"{self.ratio:.3g}", self.less]
 
@@ -242,34 +246,29 @@ def whole_table(rows, clients, limits, missing):
 
 
 def layers_of(rows):
-    """By layer: its types, and of each the ratios at its places."""
+    """By layer: its types, and of each the halves of the rows of its places."""
     layers = {}
     for (fault, _), row in rows.items():
-        layers.setdefault(fault.split(".")[0], {}).setdefault(fault, []).append([half.ratio for half in row.halves])
+        layers.setdefault(fault.split(".")[0], {}).setdefault(fault, []).append(row.halves)
     return layers
 
 
-def best(places, half):
-    return max((ratios[half] for ratios in places if ratios[half] is not None), default=0)
-
-
 def has_margin(places):
-    return any(value is not None for ratios in places for value in ratios)
+    return any(half.ratio is not None for halves in places for half in halves)
 
 
-def twice_as_much(types, half):
-    """How many of a layer's types; `-` where they have a margin and none was flown in this half."""
-    flown = any(ratios[half] is not None for places in types.values() for ratios in places)
-    if not flown and any(map(has_margin, types.values())):
-        return "-"
-    return sum(best(places, half) >= TWICE for places in types.values())
+def twice_as_much(types, i):
+    """Of a layer's types: how many are survived twice as severely at some place, and how many were scanned at one, in half i."""
+    scanned = [[halves[i].ratio for halves in places if halves[i].is_scanned] for places in types.values()]
+    return sum(max(ratios, default=0) >= TWICE for ratios in scanned), sum(map(bool, scanned))
 
 
 def short_table(layers):
     lines = ["| layer | types | with a margin | " + " | ".join(f"twice as much: {title}" for title in TITLES) + " |", "|---|---:|---:|" + "---:|" * len(TITLES)]
     for layer, types in layers.items():
         counts = [twice_as_much(types, i) for i in range(len(TITLES))]
-        lines.append(f"| {layer} | {len(types)} | {sum(map(has_margin, types.values()))} | " + " | ".join(map(str, counts)) + " |")
+        texts = [f"{twice} of {scanned}" if scanned else "-" for twice, scanned in counts]
+        lines.append(f"| {layer} | {len(types)} | {sum(map(has_margin, types.values()))} | " + " | ".join(texts) + " |")
     return "\n".join(lines)
 
 
@@ -333,7 +332,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"`none`: the mildest level failed. `all`: the most severe level was survived. `{NO_MARGIN}`: there is no margin, and the last column has the "
         f"program's reason. `-`: not flown. `ratio`: how many times as far from the harmless value `{new}` goes; for a limit that falls from infinity, the inverse "
         f"levels count. Where it is below {TWICE:g} in a half, and `{new}` does not survive everything there, the last column has the reason.")
-    counted = paragraph(f'"Twice as much" counts the types that `{new}` survives at least twice as severely at some place.')
+    counted = paragraph(f'"Twice as much" counts the types that `{new}` survives at least twice as severely at some place, of those whose levels were scanned in that half.')
     return f"""# Fault margins of the bundled firmware
 
 {how}
@@ -447,12 +446,12 @@ def catalogue_of(options):
 
 def report(rows, layers, options):
     """Prints what counts. Returns the number of rows in which the second firmware is worse."""
-    types = [places for layer in layers.values() for places in layer.values()]
     worse = 0
     for i, title in enumerate(TITLES):
-        twice = [sum(best(places, i) >= TWICE for places in layer.values()) for layer in layers.values()]
-        print(f"{title}: {sum(twice)} of {len(types)} types survived at least twice as severely; by layer: "
-              + ", ".join(f"{name} {count} of {len(layers[name])}" for name, count in zip(layers, twice)))
+        counts = {name: twice_as_much(types, i) for name, types in layers.items()}
+        twice, scanned = (sum(numbers) for numbers in zip(*counts.values()))
+        print(f"{title}: {twice} of {scanned} types survived at least twice as severely; by layer: "
+              + ", ".join(f"{name} {own} of {of}" for name, (own, of) in counts.items()))
         for name, how in worse_rows(rows, i, options).items():
             worse += 1
             print(f"  worse: {name}: {how}")
