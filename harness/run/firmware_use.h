@@ -1,10 +1,10 @@
 // When the processes of a firmware had the processors of this machine nearly to themselves, and which lateness that
 // explains.
 //
-//   FirmwareUse use{.processors = OwnProcessors(), .processors_count = 2};
+//   FirmwareUse use{.processors = "a boot 0-1", .processors_count = 2};
 //   use.Add({BootTime(0), BootTime(200 * kNsPerMs), 380 * kNsPerMs, 9});   // 380 ms of 400
 //   const OwnLateness own(use, Origin(BootTime(0)));
-//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs}, OwnProcessors());
+//   const bool by_firmware = own.Explains({12 * kNsPerMs, 20 * kNsPerMs}, "a boot 0-1");
 #pragma once
 
 #include <cstdint>

@@ -85,7 +85,7 @@ def check(options, base, examples, row, rng):
         done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     flights = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     if not flights or any(flight["verdict"] == "error" for flight in flights):
-        print(done.stderr[-2000:], file=sys.stderr)
+        print((done.stderr or done.stdout)[-2000:], file=sys.stderr)
         return None, 0
     failed = {}
     for flight in flights:
@@ -105,7 +105,8 @@ def main():
     parser.add_argument("-j", dest="jobs", type=int, default=1)
     options = parser.parse_args()
     envelope = json.loads(options.envelope.read_text())
-    base = options.scenario.read_text()
+    # The scenarios of the levels are in another folder.
+    base = re.sub(r"(?m)^model: (\S+\.sdf)$", lambda found: f"model: {(options.scenario.parent / found[1]).resolve()}", options.scenario.read_text())
     rng = random.Random(options.seed)
     if not PROBE.search(base):
         sys.exit(f"spot_check: {options.scenario} has no fault of type harness.null in one line")
