@@ -195,6 +195,10 @@ void MakeConsistent(Scenario& s, const fs::path& folder) {
       if (fields().empty()) fault.message.clear();  // it has none
       fault.parameters[std::string(info.name)] = *rc::gen::elementOf(fields());
     }
+    // No integer is NaN.
+    if (const auto problem = faults::ProtocolProblem(fault, *s.link.protocol);
+        problem && problem->key == "parameters.kind")
+      fault.parameters["kind"] = std::string("offset");
   }
   for (std::size_t i = 0; i < s.watch.size(); ++i) s.watch[i].append(".").append(std::to_string(i));
   for (std::size_t i = 0; i < s.criteria.size(); ++i) {
