@@ -60,10 +60,10 @@ struct Extent {
 Result Evaluate(const Formula& formula, const Trace& trace, std::optional<Extent> extent = std::nullopt);
 
 // Robustness over time, for reports: of what stands under the outermost `always` or `eventually`, at each row in its
-// window. So the lowest (of an `eventually` the highest) of these values is the formula's, and the first one below 0 is
-// where an `always` was violated. `always` in `always`, and several of them joined by `and`, are one: each row that any of
-// their windows looks at has the lowest of what they ask there. Any other formula is asked as a whole, at each row as if
-// the flight began there.
+// window. So the lowest (of an `eventually` the highest) of these values is the formula's, unless a constant in a window
+// behind the last row decides it. The first one below 0 is where an `always` was violated. `always` in `always`, and
+// several of them joined by `and`, are one: each row that any of their windows looks at has the lowest of what they ask
+// there. Any other formula is asked as a whole, at each row as if the flight began there.
 enum class OverTimeReading : std::uint8_t { kLowest, kHighest, kFromHere };
 std::string_view Name(OverTimeReading reading);  // lowest, highest, from_here
 constexpr OverTimeReading LastOf(OverTimeReading) { return OverTimeReading::kFromHere; }
