@@ -26,8 +26,8 @@
 namespace tiltproof::harness::stl {
 
 // The earliest time at which the formula can be decided, whatever the flight does, when its windows begin and end on
-// rows: nested windows add up. Operators without a window look to the planned end. A formula is never decided when that time
-// is after the end.
+// rows: nested windows add up. Operators without a window look to the planned end. A formula is never decided when that
+// time is after the end.
 TimeNs EarliestDecision(const Formula& formula, TimeNs planned_end_ns);
 
 enum class Truth : std::uint8_t { kFalse, kUnknown, kTrue };
