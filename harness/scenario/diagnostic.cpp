@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <optional>
+#include <string_view>
 #include <system_error>
 #include <utility>
 
@@ -60,6 +61,11 @@ void ThrowProblems(const std::filesystem::path& file, std::vector<YamlProblem> p
 
 YamlNode ParseMapping(const std::string& text, const std::filesystem::path& file,
                       std::vector<YamlProblem>& problems) {
+  // A model given as a scenario: what a YAML parser finds in it is of no use.
+  std::string_view start = text;
+  start.remove_prefix(std::min(start.find_first_not_of(" \t\r\n"), start.size()));
+  if (start.starts_with("<?xml") || start.starts_with("<sdf"))
+    ThrowProblems(file, {{{}, "a model (XML), and a YAML file is needed; `tiltproof vehicle` reads models"}});
   std::optional<YamlNode> root = ParseYaml(text, problems);
   if (root && root->kind != YamlNode::Kind::kMapping)
     problems.push_back(

@@ -304,6 +304,11 @@ TEST_F(ReaderTest, WrongTypes) {
       {"criteria: [[]]\n", "4:12: criteria: expected a mapping, found a list"},
   };
   for (const auto& [text, message] : cases) EXPECT_THAT(ErrorsWith(text), ElementsAre(message)) << text;
+  for (const char* const model :
+       {"<?xml version=\"1.0\"?>\n<sdf version=\"1.9\">\n", "\n<sdf version='1.9'>"})
+    EXPECT_THAT(
+        Errors(model),
+        ElementsAre("1:1: a model (XML), and a YAML file is needed; `tiltproof vehicle` reads models"));
   EXPECT_THAT(Errors("- a\n"), ElementsAre("1:1: expected a mapping of keys to values, found a list"));
   EXPECT_THAT(Errors("just text"),
               ElementsAre("1:1: expected a mapping of keys to values, found 'just text'"));
