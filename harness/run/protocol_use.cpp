@@ -238,6 +238,59 @@ std::vector<TimeNs> TimesOf(const std::vector<Happening>& happenings, Kind kind,
   return times_ns;
 }
 
+// Finds replies that no command answers within a period. A command answers the newest open reply: where one was lost, the
+// next command may come within its period, but answers the next reply.
+class UnansweredReplies {
+ public:
+  UnansweredReplies(TimeNs period_ns, std::vector<LineMistake>& mistakes)
+      : period_ns_(period_ns), mistakes_(mistakes) {}
+
+  void Take(const Happening& happening) {
+    switch (happening.kind) {
+      case Kind::kPossibleReply:
+        // Where no byte takes time, the reply is there already.
+        is_arriving_ = happening.time_ns != arrived_ns_;
+        break;
+      case Kind::kReply:
+        arrived_ns_ = happening.time_ns;
+        if (!is_answered_early_) open_ns_.push_back(happening.time_ns);
+        is_arriving_ = is_answered_early_ = false;
+        break;
+      case Kind::kActuators:
+        CountUntil(happening.time_ns);
+        Answer();
+        break;
+      case Kind::kStart:
+      case Kind::kRequest:
+      case Kind::kWholeReply:
+      case Kind::kRefusedActuators:
+        break;
+    }
+  }
+
+  // Counts the replies that are open longer than a period at that time.
+  void CountUntil(TimeNs time_ns) {
+    for (; !open_ns_.empty() && open_ns_.front() + period_ns_ < time_ns; open_ns_.pop_front())
+      mistakes_.push_back({open_ns_.front(), LineMistakeKind::kUnanswered});
+  }
+
+ private:
+  void Answer() {
+    // A receiver that knows a reply's length need not wait for its last byte.
+    if (open_ns_.empty()) is_answered_early_ = is_arriving_;
+    if (open_ns_.empty()) return;
+    // A client may ask more often than it commands.
+    const TimeNs newest_ns = open_ns_.back();
+    while (!open_ns_.empty() && newest_ns - open_ns_.back() < period_ns_ / 10 * 9) open_ns_.pop_back();
+  }
+
+  TimeNs period_ns_;
+  std::vector<LineMistake>& mistakes_;
+  std::deque<TimeNs> open_ns_;             // the ends of replies without a command
+  std::optional<TimeNs> arrived_ns_ = {};  // the end of the last reply
+  bool is_arriving_ = false, is_answered_early_ = false;
+};
+
 // Without the malformed frames. `begin_ns`: of the client's flight.
 void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, TimeNs begin_ns,
                  const link::Protocol& protocol, std::vector<LineMistake>& mistakes) {
@@ -253,17 +306,10 @@ void AddMistakes(const RunLog& log, const std::vector<Happening>& happenings, Ti
   if (!requests_ns.empty()) AddGap(requests_ns.back(), end_ns, false, period_ns, mistakes);
 
   if (protocol.streams()) return;  // a period without a command is missing already
-  std::size_t unanswered = 0;
-  const std::vector<TimeNs> replies_ns = TimesOf(happenings, Kind::kReply, begin_ns);
-  const auto answer_until = [&](TimeNs time_ns) {
-    for (; unanswered < replies_ns.size() && replies_ns[unanswered] + period_ns < time_ns; ++unanswered)
-      mistakes.push_back({replies_ns[unanswered], LineMistakeKind::kUnanswered});
-  };
-  for (const TimeNs time_ns : TimesOf(happenings, Kind::kActuators, begin_ns)) {
-    answer_until(time_ns);
-    while (unanswered < replies_ns.size() && replies_ns[unanswered] <= time_ns) ++unanswered;
-  }
-  answer_until(end_ns);
+  UnansweredReplies unanswered(period_ns, mistakes);
+  for (const Happening& happening : happenings)
+    if (happening.time_ns >= begin_ns) unanswered.Take(happening);
+  unanswered.CountUntil(end_ns);
 }
 
 // The first implausible field of a whole message, with its plausible range.

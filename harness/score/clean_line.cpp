@@ -183,8 +183,9 @@ std::string Described(const Scenario& scenario, const Findings& findings, const 
       parts.push_back(fmt::format("answered none of {} good replies since {:.2f} s", kind.count,
                                   ToSeconds(kind.first_ns)));
     else
+      // A reply to a request at t = 0 makes one more.
       parts.push_back(fmt::format("{} of {} periods without an actuator message, {}", kind.count,
-                                  findings.periods, first(kind)));
+                                  std::max(findings.periods, kind.count), first(kind)));
   }
   return fmt::format("{}", fmt::join(parts, "; "));
 }

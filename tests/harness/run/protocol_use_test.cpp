@@ -51,11 +51,12 @@ class Exchange {
     AddProtocolUse(log_, 0, *FindProtocol("paper"), {.baud = baud});
     return *log_.clients[0].protocol;
   }
-  std::vector<LineMistake> Mistakes(double end_ms, EndReason ended = EndReason::kCompleted) {
+  std::vector<LineMistake> Mistakes(double end_ms, EndReason ended = EndReason::kCompleted,
+                                    std::int64_t baud = 0) {
     log_.end_ns = static_cast<TimeNs>(end_ms * 1e6);
     log_.end_reason = ended;
     log_.clients[0].starts_accepted_count = 1;
-    Use();
+    Use(baud);
     return log_.clients[0].line_mistakes.value();
   }
   // Events that Use() has added.
@@ -281,9 +282,10 @@ TEST(CommandsWithoutReply, AnyReplyThatSomeReceiverTakesCounts) {
 // Mistakes of one kind, as pairs of the begin in ms and the count.
 std::vector<std::pair<double, std::int64_t>> MistakesOf(Exchange& exchange, LineMistakeKind kind,
                                                         double end_ms,
-                                                        EndReason ended = EndReason::kCompleted) {
+                                                        EndReason ended = EndReason::kCompleted,
+                                                        std::int64_t baud = 0) {
   std::vector<std::pair<double, std::int64_t>> found;
-  for (const LineMistake& mistake : exchange.Mistakes(end_ms, ended))
+  for (const LineMistake& mistake : exchange.Mistakes(end_ms, ended, baud))
     if (mistake.kind == kind) found.emplace_back(static_cast<double>(mistake.time_ns) / 1e6, mistake.count);
   return found;
 }
@@ -360,6 +362,41 @@ TEST(LineMistakes, AReplyIsAnsweredWithinAPeriod) {
   ends.Start(0).Request(12).Reply(13);
   EXPECT_THAT(MistakesOf(ends, LineMistakeKind::kUnanswered, 25), IsEmpty());
   EXPECT_THAT(MistakesOf(ends, LineMistakeKind::kUnanswered, 26), ElementsAre(Pair(13, 1)));
+}
+
+TEST(LineMistakes, ACommandAnswersTheNewestReply) {
+  // The next command comes within the period of a lost reply, to the bit where no byte takes time, and does not answer it.
+  for (const double later_ms : {-0.01, 0.0, 0.01}) {
+    Exchange exchange;
+    exchange.Start(0);
+    for (double at = 12; at < 120; at += 12) {
+      exchange.Request(at);
+      exchange.Reply(at + 1);
+      if (at != 48) exchange.Actuators(at + 1 + (at == 60 ? later_ms + 0.01 : 0.01));
+    }
+    EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kUnanswered, 120), ElementsAre(Pair(49, 1)))
+        << later_ms;
+  }
+}
+
+TEST(LineMistakes, OneCommandMayAnswerRepliesOfOnePeriod) {
+  Exchange exchange;
+  exchange.Start(0);
+  for (double at = 12; at < 120; at += 12)
+    exchange.Request(at).Reply(at + 1).Request(at + 7).Reply(at + 8).Actuators(at + 9);
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kUnanswered, 120), IsEmpty());
+}
+
+TEST(LineMistakes, ACommandMayComeBeforeTheLastByteOfItsReply) {
+  // The 70 bytes take 0.76 ms. Some commands come early, and those after them do not answer the same replies again.
+  Exchange exchange;
+  exchange.Start(0);
+  for (double at = 12; at < 240; at += 12) {
+    exchange.Request(at).Reply(at + 1);
+    if (at != 120) exchange.Actuators(at + (static_cast<int>(at) % 24 == 0 ? 1.75 : 2.5));
+  }
+  EXPECT_THAT(MistakesOf(exchange, LineMistakeKind::kUnanswered, 240, EndReason::kCompleted, 921'600),
+              ElementsAre(Pair(::testing::AllOf(::testing::Gt(121.7), ::testing::Lt(121.8)), 1)));
 }
 
 TEST(LineMistakes, WhatIsNoMessageIsMalformedAndNoAnswer) {
