@@ -28,6 +28,7 @@
 #include "harness/cli/search_flights.h"
 #include "harness/cli/temporary_folder.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/results.h"
 #include "harness/score/headline.h"
 #include "harness/terminal/lines.h"
@@ -320,8 +321,12 @@ class CampaignWork {
     const std::filesystem::path flight = folder / RunName(run);
     if (!HasEnded(flight) || (!options_.no_report && !std::filesystem::exists(folder / "report.html")))
       return false;
-    const FlightResult kept = ResultFromJsonText(ReadFile(flight / "verdict.json"));
-    return kept.score.verdict == Verdict::kFail && kept.trace_hash == store_.Find(run)->trace_hash;
+    try {
+      const FlightResult kept = ReadVerdict(flight);
+      return kept.score.verdict == Verdict::kFail && kept.trace_hash == store_.Find(run)->trace_hash;
+    } catch (const FileError&) {
+      return false;
+    }
   }
 
   // Flies what is to be confirmed with the other client, once. The exit code.

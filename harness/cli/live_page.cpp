@@ -7,6 +7,7 @@
 #include "harness/cli/report_command.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/flight_pack.h"
 #include "harness/report/page_json.h"
 #include "harness/report/report_page.h"
@@ -46,7 +47,7 @@ Json Entry(const RunEntry& run, const FlightResult& result) {
 // Details of a flight that is over, as the report has it.
 std::optional<std::string> Details(const std::filesystem::path& folder) {
   try {
-    const FlightResult result = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+    const FlightResult result = ReadVerdict(folder);
     ModelCache models;
     const LoadedScenario flown = LoadFlown(folder, models);
     return PackFlight(ViewFlight(folder, result, flown.scenario, ShapeOf(*flown.model)), {});

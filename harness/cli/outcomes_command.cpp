@@ -38,7 +38,7 @@ FlightResult ReadFlown(const fs::path& folder, Keep keep) {
   if (!HasEnded(folder))
     throw std::runtime_error(keep == Keep::kAll ? kNotFlown
                                                 : fmt::format("it left no folder (--keep {})", Name(keep)));
-  FlightResult result = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+  FlightResult result = ReadVerdict(folder);
   if (result.trace_hash.empty()) return result;
   const RunLog log = ReadFlight(folder);
   result.events = EventsOf(log);

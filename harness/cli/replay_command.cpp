@@ -83,7 +83,7 @@ Repeatable LoadRepeatable(const OldRun& run, const FlightMeans& means, const std
     FlightResult then;
     try {
       CheckFlightFiles(scenario_folder);
-      then = ResultFromJsonText(ReadFile(scenario_folder / "verdict.json"));
+      then = ReadVerdict(scenario_folder);
     } catch (const std::exception& error) {
       // The others can be compared all the same.
       leave_out(scenario_folder, error.what());

@@ -12,6 +12,7 @@
 #include "harness/cli/shared_options.h"
 #include "harness/cli/suite.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/flight_hashes.h"
 #include "harness/report/report_page.h"
 #include "harness/terminal/terminal.h"
@@ -44,6 +45,7 @@ std::optional<std::filesystem::path> Written(const std::filesystem::path& file,
 void WarnOfChanges(const std::filesystem::path& flight) {
   try {
     CheckFlightFiles(flight);
+    if (HasEnded(flight)) ReadVerdict(flight);
   } catch (const FileError& error) {
     Print(stderr, "warning: {}\n", error.what());
   }

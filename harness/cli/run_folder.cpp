@@ -7,12 +7,24 @@
 
 #include "harness/cli/commands.h"
 #include "harness/report/files.h"
+#include "harness/report/flight_hashes.h"
 #include "harness/report/json_fields.h"
+#include "harness/terminal/terminal.h"
 
 namespace tiltproof::harness {
 namespace {
 
 constexpr const char* kScenarioFile = "scenario.resolved.yaml";
+
+// Its criteria may have been edited, to score the flight again.
+void WarnOfChange(const std::filesystem::path& scenario_folder) {
+  const auto file = scenario_folder / kScenarioFile;
+  try {
+    if (HasChanged(file)) Print(stderr, "warning: {} has changed since the flight\n", file.string());
+  } catch (const FileError&) {
+    // Its reader names it.
+  }
+}
 
 }  // namespace
 
@@ -26,6 +38,7 @@ OldRun OpenRun(const std::filesystem::path& path) {
       run.info = ReadRunInfo(run.folder);
       run.whole = false;
       run.scenario_folders = {folder};
+      WarnOfChange(folder);
       return run;
     }
     run.folder = folder;
@@ -37,6 +50,7 @@ OldRun OpenRun(const std::filesystem::path& path) {
   for (const auto& entry : fs::directory_iterator(folder))
     if (entry.is_directory() && HasBegun(entry.path())) run.scenario_folders.push_back(entry.path());
   std::sort(run.scenario_folders.begin(), run.scenario_folders.end());
+  for (const fs::path& scenario_folder : run.scenario_folders) WarnOfChange(scenario_folder);
   if (run.scenario_folders.empty() && run.info.flights.empty())
     throw UsageError(fmt::format("{}: no scenario was flown in this run", path.string()));
   return run;

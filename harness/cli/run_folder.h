@@ -15,8 +15,8 @@ struct OldRun {
   bool whole = true;                                    // otherwise one of its scenarios was requested
   std::vector<std::filesystem::path> scenario_folders;  // those that are there
 };
-// `path` is a run's folder or the folder of one scenario in it. Throws UsageError when it is neither, or when
-// nothing was to be flown.
+// `path` is a run's folder or the folder of one scenario in it. Prints a warning for each scenario that has changed since
+// its flight. Throws UsageError when it is neither, or when nothing was to be flown.
 OldRun OpenRun(const std::filesystem::path& path);
 
 // HasBegun(): true if a flight started. HasEnded(): true if it reached a verdict.

@@ -29,7 +29,7 @@ FlightResult ScoreAgain(const std::filesystem::path& folder, const std::string& 
   const std::string replay = ReplayLine(program, folder);
   if (!HasEnded(folder)) return NotFlown({name, scenario.expected(), scenario.seed});
   try {
-    const FlightResult then = ResultFromJsonText(ReadFile(folder / "verdict.json"));
+    const FlightResult then = ReadVerdict(folder);
     if (then.trace_hash.empty()) return then;  // it left no flight to score
     const FlightResult result = MakeResult(name, scenario, ReadFlight(folder, scenario), then.replay);
     if (then.trace_hash != result.trace_hash)

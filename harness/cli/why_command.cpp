@@ -80,7 +80,7 @@ FailedFlight OpenFailed(const WhyOptions& options) {
                     path));
   flight.folder = OnlyFlight(flight.run, options.flight);
   CheckFlightFiles(flight.folder);
-  flight.result = ResultFromJsonText(ReadFile(flight.folder / "verdict.json"));
+  flight.result = ReadVerdict(flight.folder);
   if (flight.result.score.verdict != Verdict::kFail)
     throw UsageError(fmt::format("why: {}: the verdict is {}; why explains a flight that failed", path,
                                  Name(flight.result.score.verdict)));

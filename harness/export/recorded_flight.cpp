@@ -56,8 +56,7 @@ RecordedFlight ReadRecordedFlight(const std::filesystem::path& folder, const std
   RecordedFlight flight;
   flight.run_id = run_id;
   flight.scenario_yaml = ReadFile(folder / "scenario.resolved.yaml");
-  WithFile(folder / "verdict.json",
-           [&](const std::string& content) { flight.result = ResultFromJsonText(content); });
+  flight.result = ReadVerdict(folder);
   if (flight.result.trace_hash.empty())
     throw std::runtime_error(fmt::format("{}: no flight: {}", folder.string(), flight.result.score.reason));
   TracePart part = ReadTracePart(folder);

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "harness/report/files.h"
+#include "harness/report/flight_files.h"
 #include "harness/report/trace_file.h"
 #include "harness/score/signals.h"
 
@@ -97,14 +98,7 @@ struct Flown {
 };
 
 Flown ReadFlown(const std::filesystem::path& folder) {
-  const auto verdict_file = folder / "verdict.json";
-  const std::string verdict = ReadFile(verdict_file);
-  FlightResult result;
-  try {
-    result = ResultFromJsonText(verdict);
-  } catch (const std::exception& error) {
-    throw std::runtime_error(fmt::format("{}: {}", verdict_file.string(), error.what()));
-  }
+  FlightResult result = ReadVerdict(folder);
   if (result.trace_hash.empty())
     throw std::runtime_error(fmt::format("{}: no flight: {}", folder.string(), result.score.reason));
   Trace trace = ReadTrace(folder);

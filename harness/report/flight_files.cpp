@@ -73,6 +73,13 @@ void FromFile(const Json& json, RunLog& log) {
     log.events.push_back(ToRunEvent(log, event));
 }
 
+// The hash of a verdict.json without its hashes.
+std::string HashOfEntry(Json json) {
+  json.erase("hash");
+  json.erase("files");
+  return HashOf(JsonText(json));
+}
+
 std::string FaultsJsonl(const Scenario& scenario, const RunLog& log) {
   std::string lines;
   const auto begin = [&scenario](std::size_t fault) {
@@ -136,10 +143,30 @@ void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, 
     const auto resolved = folder / "scenario.resolved.yaml";
     if (!std::filesystem::exists(resolved)) WriteFile(resolved, WriteResolved(scenario));
     Json json = Json::parse(ToJsonText(result));
+    json["hash"] = HashOfEntry(json);
     json["files"] = HashesOf(folder);
     WriteFile(folder / "verdict.json", JsonText(json, 2) + "\n");
   } catch (const std::runtime_error&) {
     // results.json says the same, or fails for the same reason and tells.
+  }
+}
+
+FlightResult ReadVerdict(const std::filesystem::path& folder) {
+  const auto file = folder / "verdict.json";
+  const std::string text = ReadFile(file);
+  try {
+    FlightResult result = ResultFromJsonText(text);
+    const Json json = Json::parse(text);
+    // An older program wrote none.
+    const std::string recorded = json.value("hash", "");
+    if (const std::string hash = HashOfEntry(json); !recorded.empty() && hash != recorded)
+      throw std::runtime_error(
+          fmt::format("has changed since the flight: its hash is {}, and `hash` in it {}; put the old one "
+                      "back, or take `hash` out to read this one",
+                      hash, recorded));
+    return result;
+  } catch (const std::exception& error) {
+    throw FileError(fmt::format("{}: {}", file.string(), error.what()));
   }
 }
 

@@ -7,7 +7,8 @@
 //   link.bin                raw bytes with times (harness/run/link_log.h)
 //   firmware.log            what the firmware logged, with simulation times in seconds; of several clients firmware.<id>.log
 //   flight.json             how the flight ended, counters, request times: the rest of what scoring needs
-//   verdict.json            the scenario's entry in results.json, and `files`: hashes of the others (flight_hashes.h)
+//   verdict.json            the scenario's entry in results.json, `hash`: that of the entry, and `files`: those of the
+//                           other files (flight_hashes.h)
 #pragma once
 
 #include <filesystem>
@@ -41,5 +42,8 @@ FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep,
 // the worker died.
 void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,
                  Keep keep);
+// The entry in verdict.json. Throws FileError when it has changed since the flight, and std::runtime_error naming the file
+// when it is none.
+FlightResult ReadVerdict(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness

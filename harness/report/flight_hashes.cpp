@@ -11,9 +11,12 @@
 namespace tiltproof::harness {
 namespace {
 
+constexpr std::string_view kScenarioFile = "scenario.resolved.yaml";
+
 bool IsHashed(const std::string& name) {
   return name == "trace.csv" || name == "trace.packed" || name == "faults.jsonl" || name == "link.bin" ||
-         name == "flight.json" || (name.starts_with("firmware.") && name.ends_with(".log"));
+         name == "flight.json" || name == kScenarioFile ||
+         (name.starts_with("firmware.") && name.ends_with(".log"));
 }
 
 // As verdict.json says; empty: it does not.
@@ -44,7 +47,13 @@ std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder)
 }
 
 void CheckFlightFiles(const std::filesystem::path& folder) {
-  for (const auto& [name, hash] : HashesOf(folder)) ReadFlightFile(folder / name);
+  for (const auto& [name, hash] : HashesOf(folder))
+    if (name != kScenarioFile) ReadFlightFile(folder / name);
+}
+
+bool HasChanged(const std::filesystem::path& path) {
+  const std::string recorded = RecordedHash(path);
+  return !recorded.empty() && HashOf(ReadFile(path)) != recorded;
 }
 
 std::string ReadFlightFile(const std::filesystem::path& path) {

@@ -1,5 +1,5 @@
-// Hashes of a flight's files, by which a changed one is noticed. verdict.json has them, as `files`. The scenario has
-// none, because its criteria may be changed, and the flight scored again.
+// Hashes of a flight's files, by which a changed one is noticed. verdict.json has them, as `files`. A changed scenario is
+// not refused, because its criteria may be changed, and the flight scored again.
 //
 //   const std::map<std::string, std::string> files = HashesOf(folder);   // when the flight has ended
 //   const std::string content = ReadFlightFile(folder / "link.bin");     // later; throws when it has changed
@@ -12,8 +12,8 @@
 
 namespace tiltproof::harness {
 
-// Hashes of the trace, faults.jsonl, link.bin, the firmware's logs and flight.json, as far as they are there: by the
-// file's name. Throws FileError.
+// Hashes of the trace, faults.jsonl, link.bin, the firmware's logs, flight.json and scenario.resolved.yaml, as far as they
+// are there: by the file's name. Throws FileError.
 std::map<std::string, std::string> HashesOf(const std::filesystem::path& folder);
 
 // FNV-1a as 16 hexadecimal digits. Any single changed byte changes it; not cryptographic.
@@ -26,7 +26,10 @@ std::string ReadFlightFile(const std::filesystem::path& path);
 // The same for a content that is read already.
 void CheckFlightFile(const std::filesystem::path& path, std::string_view content);
 
-// Throws FileError for the first file of the folder that ReadFlightFile() refuses.
+// True if verdict.json beside the file has another hash for it.
+bool HasChanged(const std::filesystem::path& path);
+
+// Throws FileError for the first file of the folder that ReadFlightFile() refuses, except the scenario.
 void CheckFlightFiles(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness

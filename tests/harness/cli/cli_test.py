@@ -359,10 +359,23 @@ class CliTest(CommandLineTest):
         self.assertEqual(json.loads(out)["trace_hash"], before["trace_hash"])
         # A changed file is noticed.
         verdict = run / "hover/verdict.json"
-        verdict.write_text(verdict.read_text().replace(before["trace_hash"], "0" * 16))
+        sound = verdict.read_text()
+        verdict.write_text(sound.replace(before["trace_hash"], "0" * 16))
+        for command in ("replay", "score", "export"):
+            code, out, err = self.tiltproof(command, run, *(("--to", "csv") if command == "export" else ()))
+            self.assertEqual(code, 4 if command == "replay" else 3)
+            self.assertRegex(out + err, r"verdict\.json: has changed since the flight: its hash is \w{16}, and `hash` in it \w{16}")
+        self.assertIn("verdict.json: has changed since the flight", self.tiltproof("report", run)[2])
+        self.forget_hashes(run / "hover")
         code, out, _ = self.tiltproof("replay", run)
         self.assertEqual(code, 1)
         self.assertIn("DIFFERENT", out)
+        # An edited scenario is named, and scored by.
+        verdict.write_text(sound)
+        resolved = run / "hover/scenario.resolved.yaml"
+        resolved.write_text(resolved.read_text() + "# edited\n")
+        code, out, err = self.tiltproof("score", run)
+        self.assertEqual((code, "scenario.resolved.yaml has changed since the flight" in err), (0, True), out + err)
         self.assertEqual(self.tiltproof("replay", self.folder)[0], 2)
         self.assertEqual(self.tiltproof("score", "nowhere")[0], 2)
 
