@@ -12,6 +12,7 @@
 #include <cstdio>
 #include <cstring>
 #include <functional>
+#include <set>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -20,6 +21,7 @@
 #include "harness/client/called_client.h"
 #include "harness/client/firmware_guard.h"
 #include "harness/process/child_process.h"
+#include "harness/process/orphans.h"
 #include "harness/process/own_time.h"
 #include "harness/terminal/terminal.h"
 
@@ -266,15 +268,20 @@ std::unique_ptr<Client> LoadLibraryClient(const std::filesystem::path& library, 
 
 namespace {
 
-// The result of `say` for the library, or the reason that it is none; in a separate process.
+// The result of `say` for the library, or the reason that it is none; in a separate process. Empty when loading does not
+// end, or a signal ends the wait: then the library is not tried again.
 std::string TryLibrary(const std::filesystem::path& library,
                        const std::function<std::string(const Library&)>& say) {
+  static std::set<std::filesystem::path> given_up;
+  if (given_up.contains(library)) return {};
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0)
     throw std::runtime_error(std::string("no pipe to try a library: ") + std::strerror(errno));
   const link::OwnedDescriptor read_end(ends[0]);
   link::OwnedDescriptor write_end(ends[1]);
   std::fflush(nullptr);
+  // Code that runs as the library is loaded may start processes.
+  AdoptOrphans();
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) throw std::runtime_error(std::string("no process to try a library: ") + std::strerror(errno));
@@ -290,20 +297,27 @@ std::string TryLibrary(const std::filesystem::path& library,
     } catch (const std::exception& error) {
       text = error.what();
     }
-    [[maybe_unused]] const ssize_t written = write(write_end.get(), text.data(), text.size());
+    // With a zero byte at its end: such processes keep the pipe open.
+    [[maybe_unused]] const ssize_t written = write(write_end.get(), text.c_str(), text.size() + 1);
     _exit(0);
   }
   write_end = link::OwnedDescriptor();
   std::string text;
   std::array<char, 4096> buffer;
-  while (AwaitInput(read_end.get(), pid, FirmwareGuard::kUnreachableAfterNs) == Input::kReady) {
+  while (!text.ends_with('\0')) {
+    if (AwaitInput(read_end.get(), pid, FirmwareGuard::kUnreachableAfterNs, OnSignal::kReturn) !=
+        Input::kReady) {
+      given_up.insert(library);
+      break;
+    }
     const ssize_t got = read(read_end.get(), buffer.data(), buffer.size());
     if (got == 0) break;
     if (got > 0) text.append(buffer.data(), static_cast<std::size_t>(got));
   }
   kill(pid, SIGKILL);
   waitpid(pid, nullptr, 0);
-  return text;
+  EndOrphans();
+  return text.substr(0, text.find('\0'));
 }
 
 }  // namespace

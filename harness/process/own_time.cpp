@@ -141,13 +141,14 @@ TimeNs ProcessorTime(pid_t pid) {
   return time.tv_sec * kNsPerS + time.tv_nsec;
 }
 
-Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns) {
+Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns, OnSignal on_signal) {
   OwnTime own(pid);
   for (;;) {
     const bool over = own.Look(OwnTime::SteadyClock::now()) >= limit_ns;
     pollfd polled{descriptor, POLLIN, 0};
     const int ready = poll(&polled, 1, over ? 0 : static_cast<int>(OwnTime::kLook.count()));
     if (ready > 0) return Input::kReady;
+    if (ready < 0 && errno == EINTR && on_signal == OnSignal::kReturn) return Input::kInterrupted;
     if (ready < 0 && errno != EINTR)
       throw std::system_error(errno, std::generic_category(), "waiting for another process");
     if (ready == 0 && over) return own.stopped_itself() ? Input::kStoppedItself : Input::kSilent;

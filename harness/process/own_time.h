@@ -82,10 +82,11 @@ class OwnTime {
 // does not count. 0 when there is no such process.
 TimeNs ProcessorTime(pid_t pid);
 
-enum class Input { kReady, kSilent, kStoppedItself };
+enum class Input { kReady, kSilent, kStoppedItself, kInterrupted };
+enum class OnSignal { kGoOn, kReturn };
 // Waits until `descriptor` is readable or at its end (kReady), or `pid`, which is to write to it, has been silent for
-// `limit_ns` of its own time.
-Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns);
+// `limit_ns` of its own time. With kReturn, a signal that this thread handles ends the wait, too (kInterrupted).
+Input AwaitInput(int descriptor, pid_t pid, TimeNs limit_ns, OnSignal on_signal = OnSignal::kGoOn);
 
 // True if the kernel shows the process as stopped by a signal or a debugger.
 bool IsStopped(pid_t pid);

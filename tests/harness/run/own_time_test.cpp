@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <sys/time.h>
 #include <sys/timerfd.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -206,6 +207,23 @@ TEST(AwaitInput, SeesWhatComesAndWhoIsSilent) {
 }
 
 // For longer than the limit.
+TEST(AwaitInput, ASignalEndsTheWaitWhereAsked) {
+  int ends[2];
+  ASSERT_EQ(pipe(ends), 0);
+  struct sigaction action {
+  }, before{};
+  action.sa_handler = [](int) {};
+  sigaction(SIGALRM, &action, &before);
+  const itimerval often{{0, 10'000}, {0, 10'000}};
+  setitimer(ITIMER_REAL, &often, nullptr);
+  EXPECT_EQ(AwaitInput(ends[0], -1, 600 * kNsPerS, OnSignal::kReturn), Input::kInterrupted);
+  EXPECT_EQ(AwaitInput(ends[0], -1, 100 * kNsPerMs), Input::kSilent);
+  const itimerval never{};
+  setitimer(ITIMER_REAL, &never, nullptr);
+  sigaction(SIGALRM, &before, nullptr);
+  for (const int end : ends) close(end);
+}
+
 TEST(AwaitInput, WaitsForAStoppedProcess) {
   const Child child(Sleep);
   child.Stop();
