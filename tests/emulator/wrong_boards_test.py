@@ -220,12 +220,17 @@ class WrongChips(Flights):
 
     def test_clocks_that_no_chip_has_fail(self):
         pll = "7u << 24 | BIT(22) | 0u << 16 | 336u << 6 | 8u;"
+        select = "RCC_CFGR = 5u << 10 | 4u << 13 | 2u;"
+        selected = f"{select} while ((RCC_CFGR & (3u << 2)) != 2u << 2) {{}}"
         for name, old, new, words in (
                 ("wait-states", "| 5u; /* caches", "| 0u; /* caches", "FLASH_ACR: 0 wait states at 168 MHz, which needs 5"),
                 ("one-too-few", "| 5u; /* caches", "| 4u; /* caches", "FLASH_ACR: 4 wait states at 168 MHz, which needs 5"),
                 ("vco", pll, "7u << 24 | BIT(22) | 1u << 16 | 432u << 6 | 4u;", "RCC_PLLCFGR: the PLL's VCO runs at 864 MHz, and 100 to 432 MHz are allowed"),
                 ("core", pll, "7u << 24 | BIT(22) | 0u << 16 | 432u << 6 | 8u;", "RCC_CFGR: the core runs at 216 MHz, and at most 168 MHz are allowed"),
-                ("bus", "RCC_CFGR = 5u << 10 | 4u << 13 | 2u;", "RCC_CFGR = 4u << 10 | 4u << 13 | 2u;", "RCC_CFGR: APB1 runs at 84 MHz, and at most 42 MHz are allowed")):
+                ("wait-states-taken-away", select, f"{selected} FLASH_ACR = 0;", "FLASH_ACR: 0 wait states at 168 MHz, which needs 5"),
+                ("scale-taken-away", select, f"{selected} REGISTER(0x40023840) |= BIT(28); REGISTER(0x40007000) = 0;",
+                 "PWR_CR: the core runs at 168 MHz with the regulator at scale 2, which allows 144 MHz"),
+                ("bus", select, "RCC_CFGR = 4u << 10 | 4u << 13 | 2u;", "RCC_CFGR: APB1 runs at 84 MHz, and at most 42 MHz are allowed")):
             client = self.image(f"limit-{name}", [(old, new)])
             for flags in ([], ["--mode", "realtime"]) if name == "vco" else ([],):
                 _, result, output = self.fly(client, *flags, duration_s=1)

@@ -58,8 +58,9 @@ class Chip {
                         ForEachBlock(bus, [bits](int bit, auto& block) { block.SetClock(IsSet(bits, bit)); });
                         TellClocks();
                       }});
-    pwr_.Init();
-    flash_.Init();
+    // An image may also take away what its clock needs.
+    pwr_.Init([this] { CheckLimits(); });
+    flash_.Init([this] { CheckLimits(); });
     for (int port = 0; port < Gpio::kCount; ++port) gpios_[static_cast<std::size_t>(port)].Init(port);
     dma_.Init([this] {
       for (UsartUnit& usart : usarts_) usart.Serve();

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <utility>
 
 #include "harness/emulator/plugin/parts.h"
 
@@ -10,7 +12,9 @@ namespace tiltproof::qemu {
 // PWR (RM0090, section 5.4): the regulator is ready at once.
 class Pwr final : public RegisterBlock {
  public:
-  void Init() {
+  // `changed`: the scale may have.
+  void Init(std::function<void()> changed) {
+    changed_ = std::move(changed);
     Map("pwr", 0x40007000);
     Reset();
   }
@@ -37,14 +41,19 @@ class Pwr final : public RegisterBlock {
   }
   void Write(std::uint32_t offset, std::uint32_t value) override {
     Word(offset) = offset == kStatus ? value & (kBackupRegulator | 1u << 8) : value;
+    if (offset == kControl) changed_();
   }
+
+  std::function<void()> changed_;
 };
 
 // The flash interface (section 3.9): the wait states read back, and the keys unlock. The flash itself cannot be erased:
 // the attempt ends with the error of a protected sector.
 class FlashInterface final : public RegisterBlock {
  public:
-  void Init() {
+  // `changed`: the wait states may have.
+  void Init(std::function<void()> changed) {
+    changed_ = std::move(changed);
     Map("flash-interface", 0x40023C00);
     Reset();
   }
@@ -69,6 +78,7 @@ class FlashInterface final : public RegisterBlock {
     switch (offset) {
       case kAccess:
         Word(kAccess) = value & 0x1F07;
+        changed_();
         break;
       case kKey:  // after a wrong key: locked until the next reset (section 3.6.1)
         if (first_key_ && value == 0xCDEF89AB && !shut_) {
@@ -98,6 +108,7 @@ class FlashInterface final : public RegisterBlock {
     }
   }
 
+  std::function<void()> changed_;
   bool first_key_ = false, first_option_key_ = false, shut_ = false;
 };
 
