@@ -113,12 +113,15 @@ void FuzzFiles::Write(const FuzzFinding& finding, const Scenario& base) const {
 }
 
 std::vector<std::pair<std::string, HostileSequence>> FuzzFiles::ReadFindings() const {
+  constexpr std::string_view kScriptType = "frame.script";
   std::vector<std::pair<std::string, HostileSequence>> findings;
   for (const fs::path& file : FilesIn(folder_ / "findings")) {
     if (file.extension() != ".yaml") continue;
     try {
       const Scenario scenario = LoadAnnounced(ReadFile(file)).scenario;
-      const faults::FaultSpec& fault = scenario.faults.at(0);
+      const bool is_one = scenario.faults.size() == 1 && scenario.faults.front().type == kScriptType;
+      if (!is_one) throw std::runtime_error(fmt::format("it has to have one fault, of type {}", kScriptType));
+      const faults::FaultSpec& fault = scenario.faults.front();
       const auto text = [&](const char* key) { return std::get<std::string>(fault.parameters.at(key)); };
       findings.emplace_back(file.stem(), ReadSequence(fmt::format("{} {}\n{}\n", faults::Name(fault.target),
                                                                   text("place"), text("frames"))));

@@ -122,6 +122,7 @@ class JsonReader {
  public:
   template <HasFields T>
   static void GetFields(const Json& json, T& value) {
+    if (!json.is_object()) throw Needed("an object", json);
     T::Fields(
         [&json](const char* name, auto& field) {
           if (!InFiles<T>(name)) return;
@@ -142,11 +143,11 @@ class JsonReader {
     } else if constexpr (HasFields<T>) {
       GetFields(json, value);
     } else if constexpr (std::is_enum_v<T>) {
-      value = Named<T>(json.get<std::string>());
+      value = Named<T>(Plain<std::string>(json));
     } else if constexpr (std::is_integral_v<T> && !std::is_same_v<T, bool>) {
       value = WholeNumber<T>(json);
     } else {
-      json.get_to(value);
+      value = Plain<T>(json);
     }
   }
   template <class T>
@@ -157,11 +158,13 @@ class JsonReader {
   template <class T>
   static void Get(const Json& json, std::vector<T>& values) {
     values.clear();
+    if (!json.is_array()) throw Needed("a list", json);
     for (const Json& element : json) Get(element, values.emplace_back());
   }
   template <class T>
   static void Get(const Json& json, std::map<std::string, T>& values) {
     values.clear();
+    if (!json.is_object()) throw Needed("an object", json);
     for (const auto& [key, element] : json.items()) Get(element, values[key]);
   }
   template <class T>
@@ -171,6 +174,20 @@ class JsonReader {
   }
 
  private:
+  static std::runtime_error Needed(const char* what, const Json& json) {
+    return std::runtime_error(std::string(what) + " is needed, and this is of type " + json.type_name());
+  }
+  template <class T>
+  static T Plain(const Json& json) {
+    try {
+      return json.get<T>();
+    } catch (const Json::type_error&) {
+      throw Needed(std::is_same_v<T, bool>       ? "true or false"
+                   : std::is_floating_point_v<T> ? "a number"
+                                                 : "a text",
+                   json);
+    }
+  }
   // In a file stands any number: what T cannot hold is refused.
   template <class T>
   static T WholeNumber(const Json& json) {
@@ -181,12 +198,15 @@ class JsonReader {
       throw std::runtime_error(json.dump() + " is not a whole number from " +
                                std::to_string(std::numeric_limits<T>::min()) + " to " +
                                std::to_string(std::numeric_limits<T>::max()));
+    if (!json.is_number()) throw Needed("a whole number", json);
     return json.get<T>();
   }
 
   template <class T>
   static void GetKey(const Json& json, const char* key, T& value) {
-    Get(json.at(key), value);
+    const auto found = json.find(key);
+    if (found == json.end()) throw std::runtime_error("it is missing");
+    Get(*found, value);
   }
   template <class T>
   static void GetKey(const Json& json, const char* key, std::optional<T>& value) {

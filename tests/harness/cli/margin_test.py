@@ -306,7 +306,7 @@ class EnvelopeTest(CommandLineTest):
         damaged = json.loads(json.dumps(whole))
         damaged["rows"][1]["survives"] = "much"
         file.write_text(json.dumps(damaged))
-        self.assertRegex(resume(code=2)[1], r"not an envelope to continue: row actuator\.\S+ \S+ .*client \S+: survives: .*must be number")
+        self.assertRegex(resume(code=2)[1], r"not an envelope to continue: row actuator\.\S+ \S+ .*client \S+: survives: a number is needed")
         damaged["rows"][1] = dict(whole["rows"][1], levels=[[1, "yes"]])
         file.write_text(json.dumps(damaged))
         self.assertRegex(resume(code=2)[1], r"not an envelope to continue: row actuator\.\S+ .*: levels: ")
