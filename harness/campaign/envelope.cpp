@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <optional>
 #include <stdexcept>
 
 #include "harness/report/files.h"
@@ -13,30 +11,13 @@
 namespace tiltproof::harness {
 namespace {
 
-// Throws std::runtime_error where the limits of a row are not those of its levels.
-void CheckLimits(const EnvelopeEntry& entry) {
-  if (entry.error || entry.levels.empty()) return;
-  const auto check = [&](const char* key, std::optional<double> limit, bool survived) {
-    const LevelAnswer answer{limit.value_or(0), survived};
-    if (limit && std::ranges::find(entry.levels, answer) == entry.levels.end())
-      throw std::runtime_error(
-          fmt::format("{} is {}, and `levels` has no such level that {}", key, *limit, key));
-  };
-  check("survives", entry.survives, true);
-  check("fails", entry.fails, false);
-  if (!entry.survives && entry.levels.front().survived.value_or(false))
-    throw std::runtime_error("survives is null, and the mildest of `levels` is survived");
-}
-
 // Throws std::runtime_error that names the row.
 EnvelopeEntry EntryFrom(const Json& row) {
   try {
     // The reader takes what is missing for null, which has a meaning here.
     for (const char* key : {"survives", "fails"})
       if (!row.contains(key)) throw std::runtime_error(fmt::format("{} is missing", key));
-    auto entry = FromJson<EnvelopeEntry>(row);
-    CheckLimits(entry);
-    return entry;
+    return FromJson<EnvelopeEntry>(row);
   } catch (const std::exception& error) {
     const auto text = [&](const char* key) {
       return row.contains(key) && row[key].is_string() ? " " + row[key].get<std::string>() : std::string();

@@ -108,13 +108,6 @@ TEST_F(EnvelopeFileTest, NamesTheRowAndTheFieldOfAnError) {
             0u);
   EXPECT_EQ(ErrorOf(Text("[0.25, true]", "[0.25]")).rfind("row frame.drop both, client paper: levels: ", 0),
             0u);
-  EXPECT_EQ(
-      ErrorOf(Text("\"survives\": 0.25", "\"survives\": -5")),
-      "row frame.drop both, client paper: survives is -5, and `levels` has no such level that survives");
-  EXPECT_EQ(ErrorOf(Text("\"fails\": 0.5", "\"fails\": 0.25")),
-            "row frame.drop both, client paper: fails is 0.25, and `levels` has no such level that fails");
-  EXPECT_EQ(ErrorOf(Text("\"survives\": 0.25", "\"survives\": null")),
-            "row frame.drop both, client paper: survives is null, and the mildest of `levels` is survived");
   EXPECT_EQ(ErrorOf(Text("[\"tolerant\", \"paper\"]", "{}")),
             "clients: a list is needed, and this is of type object");
   EXPECT_EQ(ErrorOf(Text("\"mildest\": 0.0", "\"mildest\": {}")),
