@@ -9,6 +9,7 @@ Usage, at the top of the repository:
 Exits 1 when a level below a limit fails, and 3 when one could not be flown.
 """
 import argparse
+import collections
 import json
 import pathlib
 import random
@@ -72,9 +73,8 @@ def scenario_at(base, name, row, level, example):
     return re.sub(r"(?m)^name: .*$", f"name: {name}", PROBE.sub(lambda _: fault, base), count=1)
 
 
-def check(options, base, examples, row, rng):
-    """The levels that fail, each with the number of its flights that did; None: they could not be flown."""
-    levels = levels_below(row, rng)
+def fly(options, base, examples, row, levels):
+    """The flights of this row at these levels, with seeds that the search did not have: (level, seed, verdict) of each. None: one could not be flown."""
     with tempfile.TemporaryDirectory(prefix="tiltproof-spot-") as folder:
         for i, level in enumerate(levels):
             (pathlib.Path(folder) / f"level-{i}.yaml").write_text(scenario_at(base, f"level-{i}", row, level, examples.text(row["type"])))
@@ -86,13 +86,25 @@ def check(options, base, examples, row, rng):
     flights = [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
     if not flights or any(flight["verdict"] == "error" for flight in flights):
         print((done.stderr or done.stdout)[-2000:], file=sys.stderr)
-        return None, 0
-    failed = {}
-    for flight in flights:
-        if flight["verdict"] == "fail":
-            level = levels[int(re.match(r"level-(\d+)", flight["name"])[1])]
-            failed[level] = failed.get(level, 0) + 1
-    return failed, len(flights)
+        return None
+    return [(levels[int(re.match(r"level-(\d+)", flight["name"])[1])], flight["seed"], flight["verdict"]) for flight in flights]
+
+
+def failures(flights):
+    """The levels that fail, in order, each with the number of its flights that did."""
+    return dict(sorted(collections.Counter(level for level, _, verdict in flights if verdict == "fail").items()))
+
+
+def base_of(scenario):
+    """The text of an envelope's scenario, for a file in any folder."""
+    base = re.sub(r"(?m)^model: (\S+\.sdf)$", lambda found: f"model: {(scenario.parent / found[1]).resolve()}", scenario.read_text())
+    if not PROBE.search(base):
+        sys.exit(f"{scenario} has no fault of type harness.null in one line")
+    return base
+
+
+def name_of(row):
+    return " ".join(filter(None, [row["type"], row.get("target") or row.get("signal") or row.get("actuator"), row.get("side")]))
 
 
 def main():
@@ -105,25 +117,22 @@ def main():
     parser.add_argument("-j", dest="jobs", type=int, default=1)
     options = parser.parse_args()
     envelope = json.loads(options.envelope.read_text())
-    # The scenarios of the levels are in another folder.
-    base = re.sub(r"(?m)^model: (\S+\.sdf)$", lambda found: f"model: {(options.scenario.parent / found[1]).resolve()}", options.scenario.read_text())
+    base = base_of(options.scenario)
     rng = random.Random(options.seed)
-    if not PROBE.search(base):
-        sys.exit(f"spot_check: {options.scenario} has no fault of type harness.null in one line")
     rows = [row for row in envelope["rows"] if "error" not in row and row["survives"] is not None]
     examples, code, broken, flown = Examples(options.program), 0, 0, 0
     for row in rng.sample(rows, min(options.rows, len(rows))):
-        failed, flights = check(options, base, examples, row, rng)
-        place = row.get("target") or row.get("signal") or row.get("actuator") or ""
-        name = " ".join(filter(None, [row["type"], place, row.get("side"), "of", row["client"]]))
-        flown += flights
-        if failed is None:
+        name = f"{name_of(row)} of {row['client']}"
+        flights = fly(options, base, examples, row, levels_below(row, rng))
+        if flights is None:
             code = 3
             print(f"{name}: could not be flown", flush=True)
             continue
+        flown += len(flights)
+        failed = failures(flights)
         broken += bool(failed)
-        text = ", ".join(f"{count} at {level:.4g}" for level, count in sorted(failed.items())) or "none"
-        print(f"{name}: of {flights} flights below the limit, failed: {text}", flush=True)
+        text = ", ".join(f"{count} at {level:.4g}" for level, count in failed.items()) or "none"
+        print(f"{name}: of {len(flights)} flights below the limit, failed: {text}", flush=True)
     print(f"{broken} of {min(options.rows, len(rows))} rows fail below their limit, in {flown} flights")
     return code or (1 if broken else 0)
 

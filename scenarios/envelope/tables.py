@@ -20,6 +20,9 @@ import subprocess
 import sys
 import textwrap
 
+import further_seeds
+import spot_check
+
 HERE = pathlib.Path(__file__).resolve().parent
 SOURCE = HERE.parent.parent
 SCENARIOS = ("spiral", "spiral-other-vehicle")
@@ -136,9 +139,23 @@ class Row:
         return any(half.ratio is not None for half in self.halves)
 
 
-def half_of(pair):
+def failing_at(row, levels):
+    """The row, which fails at these levels as well."""
+    sign = 1 if row["severest"] > row["mildest"] else -1
+    known = dict(row["levels"]) | dict.fromkeys(levels, False)
+    return {**row, "levels": sorted(known.items(), key=lambda item: sign * item[0])}
+
+
+def half_of(pair, worse):
+    """Half a row. The second firmware is worse at these levels with further seeds."""
     known = all(row and "error" not in row for row in pair)
-    return Half(tuple(map(cell, pair)), ratio(*pair) if known else None, less_at(*pair) if known else "")
+    return Half(tuple(map(cell, pair)), ratio(*pair) if known else None, less_at(pair[0], failing_at(pair[1], worse)) if known else "")
+
+
+def further_of(file):
+    """What further_seeds.py found for an envelope, by the name of a row. Nothing where it has not flown."""
+    further = file.with_name("further.json")
+    return json.loads(further.read_text())["rows"] if further.exists() else {}
 
 
 def read_envelope(file, index, mark, clients, rows, reasons):
@@ -154,13 +171,15 @@ def read_envelope(file, index, mark, clients, rows, reasons):
     flown = {}
     for row in data["rows"]:
         flown.setdefault((row["type"], place(row)), {})[row["client"]] = row
+    further = further_of(file)
     for key, by_client in flown.items():
         # Half of a pair, of an envelope that was interrupted, is no row.
         if len(by_client) < 2 and not data["complete"]:
             continue
         row = rows.setdefault(key, Row(next(iter(by_client.values()))["unit"], mark))
         row.halves = list(row.halves)
-        row.halves[index] = half_of([by_client.get(client) for client in clients])
+        worse = further.get(spot_check.name_of(next(iter(by_client.values()))), {}).get("less_at", [])
+        row.halves[index] = half_of([by_client.get(client) for client in clients], worse)
     for other in data.get("not_applicable", []):
         reasons[other["type"]] = other["reason"]
 
@@ -287,13 +306,19 @@ def worse_rows(rows, half, options):
 
 def worse_text(rows, clients, options):
     old, new = clients
-    halves = []
-    for i, title in enumerate(TITLES):
-        worse = worse_rows(rows, i, options)
-        unscanned = any(NOT_SCANNED in cell for row in rows.values() for cell in row.halves[i].cells)
-        none = f"none is known (levels with {NOT_SCANNED} have no scan)" if unscanned else "none"
-        halves.append(f"{title[0].upper()}{title[1:]}: " + (", ".join(f"`{name}`" for name in worse) or none) + ".")
-    return paragraph(f"`{new}` survives these faults less than `{old}`, at one level at least. {' '.join(halves)}")
+    titles = [f"{title[0].upper()}{title[1:]}" for title in TITLES]
+    lines, none = [f"| layer | {' | '.join(titles)} |", "|---|" + "---|" * len(TITLES)], []
+    worse = [worse_rows(rows, i, options) for i in range(len(TITLES))]
+    for layer in dict.fromkeys(fault.split(".")[0] for fault, _ in rows):
+        cells = [", ".join(f"`{name}`" for name in half if name.startswith(f"{layer}.")) for half in worse]
+        if any(cells):
+            lines.append(f"| {layer} | {' | '.join(cells)} |")
+    for i, title in enumerate(titles):
+        if not worse[i]:
+            unscanned = any(NOT_SCANNED in cell for row in rows.values() for cell in row.halves[i].cells)
+            none.append(f"{title}: none is known (levels with {NOT_SCANNED} have no scan)." if unscanned else f"{title}: none.")
+    text = paragraph(" ".join([f"`{new}` survives these faults less than `{old}`, at one level at least.", *none]))
+    return text + "\n\n" + "\n".join(lines) if any(worse) else text
 
 
 def paragraph(text):
@@ -308,7 +333,7 @@ def page(rows, clients, layers, limits, options, missing):
         f"This page has the margins of the builds `{old}` and `{new}` for every fault. Beyond its level they leave the path by 1 m or tilt by more than 0.6 rad. "
         "They fly the paper's spiral of 20 s with the fault from 10 s to 15 s. "
         f"`tiltproof envelope` ([margins](margins.md)) found the levels, exact to {exact} of the distance from harmless for the left and the right half. "
-        "Every level that was flown below them is survived. "
+        "Every level that the search flew below them is survived. "
         "`scenarios/envelope/tables.py --fly build/release/tiltproof -j 2` flies everything again and writes this page. "
         "[Wire](wire.md) compares the same firmware with the protocols `paper` and `hardened`.")
     halves = paragraph(
@@ -319,7 +344,8 @@ def page(rows, clients, layers, limits, options, missing):
         f"{100 * 0.05 ** (1 / repeats):.0f} % of all seeds do. The mark {EXACT} is for rows in which nothing is drawn at random, where one flight is that of all seeds.")
     shares = paragraph(
         f"The survived share of the range, on its scale, is in brackets. The mark {POCKETS} is for limits behind which a more severe level is survived "
-        f"again. `less at`: levels that `{old}` survives and `{new}` does not.")
+        f"again. `less at`: levels that `{old}` survives and `{new}` does not. Where anything is random, `{new}` also flew {spot_check.SEEDS} further "
+        f"seeds at up to {further_seeds.LEVELS} levels that `{old}` survives, the most severe one among them, except on the board (`scenarios/envelope/further_seeds.py`).")
     marks = paragraph(
         f"{PARTS['-drag']}: on the same vehicles with the drag of `plant/models/tiltrotor_drag.sdf`, because no wind moves the others. {PARTS['-board']}: on the emulated "
         f"board (`--client qemu`), where a flight takes as long as fifty here. There {options.repeats or BOARD_REPEATS} seeds flew, which is 95 % sure of only "
@@ -414,6 +440,17 @@ def fly_types(options, types):
             fly_part(options, scenario, "-board", BOARD_REPEATS, BOARD_TOLERANCE, left)
 
 
+def fly_further(options, scenario, out):
+    """Further seeds for an envelope, where there is one."""
+    if not (out / "envelope.json").exists():
+        return
+    command = [sys.executable, "-B", HERE / "further_seeds.py", options.fly, scenario, out / "envelope.json", "-j", options.jobs]
+    done = subprocess.run(list(map(str, command)), check=False).returncode
+    if done not in (0, 1, 3):
+        sys.exit(done)
+    options.undecided |= done == 3
+
+
 def fly(options):
     """Flies both halves of a type before the next type, and writes the tables after each, so that an interruption costs one type only."""
     program = subprocess.run([options.fly, "faults"], capture_output=True, text=True, check=True)
@@ -424,6 +461,9 @@ def fly(options):
     # Nothing is left to fly: this adds the reasons of the types that no envelope can take.
     options.undecided = False
     fly_types(options, options.types)
+    for scenario in SCENARIOS:
+        fly_further(options, HERE / f"{scenario}.yaml", options.out / scenario)
+        fly_further(options, options.out / f"{scenario}-drag/{scenario}-drag.yaml", options.out / f"{scenario}-drag")
 
 
 def write_tables(options):
