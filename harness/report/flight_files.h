@@ -42,8 +42,7 @@ FlightRecorder RecorderIn(const std::filesystem::path& folder, Keep keep,
 // the worker died.
 void KeepVerdict(const std::filesystem::path& folder, const Scenario& scenario, const FlightResult& result,
                  Keep keep);
-// The entry in verdict.json. Throws FileError when it has changed since the flight, and std::runtime_error naming the file
-// when it is none.
+// The entry in verdict.json. Throws FileError when it is none, or has changed since the flight.
 FlightResult ReadVerdict(const std::filesystem::path& folder);
 
 }  // namespace tiltproof::harness
