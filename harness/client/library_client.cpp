@@ -281,7 +281,7 @@ std::string TryLibrary(const std::filesystem::path& library,
   link::OwnedDescriptor write_end(ends[1]);
   std::fflush(nullptr);
   // Code that runs as the library is loaded may start processes.
-  AdoptOrphans();
+  const OrphanScope orphans;
   const pid_t parent = getpid();
   const pid_t pid = fork();
   if (pid < 0) throw std::runtime_error(std::string("no process to try a library: ") + std::strerror(errno));
@@ -316,7 +316,6 @@ std::string TryLibrary(const std::filesystem::path& library,
   }
   kill(pid, SIGKILL);
   waitpid(pid, nullptr, 0);
-  EndOrphans();
   return text.substr(0, text.find('\0'));
 }
 

@@ -73,4 +73,16 @@ void EndOrphans() {
   }
 }
 
+OrphanScope::OrphanScope() : others_(Orphans()) {
+  prctl(PR_GET_CHILD_SUBREAPER, &adopted_);
+  AdoptOrphans();
+  for (const pid_t other : others_) KeepChild(other);
+}
+
+OrphanScope::~OrphanScope() {
+  EndOrphans();
+  for (const pid_t other : others_) ForgetChild(other);
+  prctl(PR_SET_CHILD_SUBREAPER, adopted_);
+}
+
 }  // namespace tiltproof::harness

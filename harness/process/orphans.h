@@ -7,6 +7,8 @@
 
 #include <sys/types.h>
 
+#include <vector>
+
 namespace tiltproof::harness {
 
 // Makes this process the parent of descendants whose parents end (PR_SET_CHILD_SUBREAPER). Its children do not inherit
@@ -22,5 +24,18 @@ void ForgetChild(pid_t child);
 void EndOrphans();
 // Reaps those of them that have ended.
 void ReapOrphans();
+
+// For a moment in a process that may have other children: ends those that come to it meanwhile, and no others.
+class OrphanScope {
+ public:
+  OrphanScope();
+  ~OrphanScope();
+  OrphanScope(const OrphanScope&) = delete;
+  OrphanScope& operator=(const OrphanScope&) = delete;
+
+ private:
+  int adopted_ = 0;            // before: whether orphans came to this process
+  std::vector<pid_t> others_;  // children that it had
+};
 
 }  // namespace tiltproof::harness
